@@ -1,0 +1,1 @@
+"""OpenCL: the device and the kernels' text.  The only code that imports pyopencl."""

@@ -1,0 +1,174 @@
+"""The OpenCL device: arrays on it, kernels of it, and a clear word where it is missing or too small."""
+
+from __future__ import annotations
+
+import os
+import warnings
+from typing import Any
+
+os.environ.setdefault("PYOPENCL_NO_CACHE", "0")
+
+import numpy as np  # noqa: E402
+from numpy.typing import ArrayLike, NDArray  # noqa: E402
+
+from usdslf.errors import DeviceError, KernelBuildError, MemoryError_  # noqa: E402
+from usdslf.gpu.source import kernel_source  # noqa: E402
+
+try:
+    import pyopencl as cl
+    import pyopencl.array as cla
+except ImportError as error:  # the loader itself is missing
+    raise DeviceError(f"OpenCL cannot be loaded ({error}); install it with: pip install 'pyopencl[pocl]'") from error
+
+
+class Kernel:
+    """One kernel, fetched once (pyopencl makes a new one at every access)."""
+
+    def __init__(self, kernel: Any, queue: Any) -> None:
+        self._kernel = kernel
+        self._queue = queue
+
+    def __call__(self, global_size: tuple[int, ...], local_size: tuple[int, ...] | None, *args: Any) -> None:
+        """Enqueues the kernel; arrays of the device are passed as their buffers, Python numbers are not accepted."""
+        if min(global_size) == 0:
+            return
+        plain = [a.base_data if isinstance(a, cla.Array) else a for a in args]
+        try:
+            self._kernel(self._queue, global_size, local_size, *plain)
+        except cl.Error as error:
+            raise _device_error(error, self._kernel.function_name) from error
+
+
+class Device:
+    """An OpenCL device with one in-order queue."""
+
+    def __init__(self, context: Any) -> None:
+        self.context = context
+        self.queue = cl.CommandQueue(context)
+        self._programs: dict[tuple, Any] = {}
+        self._kernels: dict[tuple, Kernel] = {}
+        self.memory = int(self._info.global_mem_size)
+        self.largest_array = int(self._info.max_mem_alloc_size)
+
+    @property
+    def _info(self) -> Any:
+        return self.context.devices[0]
+
+    @property
+    def name(self) -> str:
+        """Device and platform in words."""
+        return f"{self._info.name.strip()} ({self._info.platform.name.strip()})"
+
+    def require(self, size: int, what: str, largest: int = 0) -> None:
+        """Raises MemoryError_ where `size` bytes in all, or one array of `largest`, do not fit the device."""
+        if size > self.memory or max(largest, 0) > self.largest_array:
+            raise MemoryError_(
+                f"{what} need {size / 2**30:.1f} GiB (largest array {largest / 2**30:.1f} GiB) but {self.name} has "
+                f"{self.memory / 2**30:.1f} GiB (largest array {self.largest_array / 2**30:.1f} GiB); "
+                "lower --elements or choose another --device"
+            )
+
+    def upload(self, array: ArrayLike) -> Any:
+        """Copies a contiguous array to the device."""
+        host = np.ascontiguousarray(array)
+        try:
+            if host.size == 0:
+                return cla.zeros(self.queue, (1,), host.dtype)
+            return cla.to_device(self.queue, host)
+        except cl.Error as error:
+            raise _device_error(error, f"an array of {host.nbytes} bytes") from error
+
+    def empty(self, shape: tuple[int, ...], dtype: Any) -> Any:
+        """Makes an array with no defined content on the device."""
+        try:
+            return cla.empty(self.queue, shape, dtype)
+        except cl.Error as error:
+            raise _device_error(error, f"an array of shape {shape}") from error
+
+    def zeros(self, shape: tuple[int, ...], dtype: Any) -> Any:
+        """Makes an array of zeros on the device."""
+        try:
+            return cla.zeros(self.queue, shape, dtype)
+        except cl.Error as error:
+            raise _device_error(error, f"an array of shape {shape}") from error
+
+    def download(self, array_d: Any) -> NDArray:
+        """Copies an array of the device to the host, after all that was enqueued before."""
+        return array_d.get(self.queue)
+
+    def finish(self) -> None:
+        """Waits until all that was enqueued is done."""
+        self.queue.finish()
+
+    def kernel(self, stem: str, function: str, **constants: Any) -> Kernel:
+        """Returns the kernel `function` of kernels/<stem>.cl, built with `constants` as macros."""
+        key = (stem, *sorted(constants.items()))
+        if (*key, function) not in self._kernels:
+            if key not in self._programs:
+                self._programs[key] = self._build(stem, constants)
+            self._kernels[(*key, function)] = Kernel(getattr(self._programs[key], function), self.queue)
+        return self._kernels[(*key, function)]
+
+    def _build(self, stem: str, constants: dict[str, Any]) -> Any:
+        options = ["-cl-std=CL1.2", *(f"-D{name}={value}" for name, value in constants.items())]
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # compilers that talk
+            try:
+                return cl.Program(self.context, kernel_source(stem)).build(options=options)
+            except cl.Error as error:
+                first = str(error).strip().splitlines()
+                raise KernelBuildError(
+                    f"kernels/{stem}.cl does not build on {self.name}: {' '.join(first[:12])[:1500]}; "
+                    "update the device's driver or choose another --device"
+                ) from error
+
+
+def list_devices() -> list[tuple[str, int]]:
+    """Returns name and memory [bytes] of all OpenCL devices, in the order that `--device` counts them."""
+    try:
+        platforms = cl.get_platforms()
+    except cl.Error:
+        return []
+    return [
+        (f"{d.name.strip()} ({p.name.strip()})", int(d.global_mem_size)) for p in platforms for d in p.get_devices()
+    ]
+
+
+def open_device(name: str | None = None) -> Device:
+    """Opens an OpenCL device: by number or part of its name, else by PYOPENCL_CTX, else a GPU before a CPU.
+
+    Raises: DeviceError where there is none, or none of that name.
+    """
+    try:
+        devices = [d for p in cl.get_platforms() for d in p.get_devices()]
+    except cl.Error:
+        devices = []
+    if not devices:
+        raise DeviceError(
+            "no OpenCL device was found; install a driver, or the CPU's with: pip install pocl-binary-distribution"
+        )
+    if name is None and os.environ.get("PYOPENCL_CTX"):
+        try:
+            return Device(cl.create_some_context(interactive=False))
+        except (cl.Error, RuntimeError, ValueError, IndexError) as error:
+            raise DeviceError(
+                f"PYOPENCL_CTX={os.environ['PYOPENCL_CTX']} names no OpenCL device ({error}); see usdslf doctor"
+            ) from error
+    if name is None:
+        gpus = [d for d in devices if d.type & cl.device_type.GPU]
+        return Device(cl.Context([(gpus or devices)[0]]))
+    if name.isdigit():
+        chosen = devices[int(name) : int(name) + 1]
+    else:
+        chosen = [d for d in devices if name.lower() in f"{d.name} ({d.platform.name})".lower()]
+    if not chosen:
+        known = "; ".join(f"{i}: {d.name.strip()} ({d.platform.name.strip()})" for i, d in enumerate(devices))
+        raise DeviceError(f"--device {name} names no OpenCL device; there are {known}")
+    return Device(cl.Context([chosen[0]]))
+
+
+def _device_error(error: Exception, what: str) -> DeviceError:
+    text = str(error).splitlines()[0]
+    if "MEM_OBJECT_ALLOCATION" in text or "OUT_OF" in text or "INVALID_BUFFER_SIZE" in text:
+        return MemoryError_(f"the OpenCL device has no memory for {what} ({text}); lower --elements")
+    return DeviceError(f"the OpenCL device failed on {what} ({text}); try another --device")
