@@ -1,0 +1,1 @@
+"""The desktop application for artists: Qt, on the public names of `usdslf`."""

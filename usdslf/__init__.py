@@ -1,0 +1,75 @@
+"""Paint how a surface should look; get the smallest material change that explains it, as a USD layer.
+
+The steps, in the order of the flow.  Each is a module of plain functions from frozen records to a record;
+only `session` knows the order.
+
+    step            module          from -> to
+    ------------    -------------   ---------------------------------------------------------------
+    read            usd.read        Usd.Stage, frame -> Scene
+    elements        elements        Scene -> Elements: equal-area points with their reflectance
+    visibility      visibility      Elements -> Visibility: which element each of 1024 directions sees
+    light           lights          Scene's lights -> light that falls on the elements, edits cannot change it
+    light field     light_field     Visibility, static light -> LightField: what the elements send out
+    strokes         strokes         a path on the picture -> Stroke: points, colours, eye
+    evidence        evidence        Strokes, LightField -> normal equations of the painted samples
+    solve           solve           evidence -> Change: the fewest parameters that explain the strokes
+    edits           edits           Change -> before and after of each material input
+    author          usd.author      edits -> look layer, review root
+    render          render          Scene, LightField, Camera -> picture
+
+Public names:
+
+    open(stage_or_path, frame=None, ...) -> Session    reads a shot; steps run when they are needed
+    Session                                            .add_stroke .solve .author .render .report
+    Stroke, paint_stroke, read_strokes, write_strokes  what was painted
+    Scene                                              the shot as numpy records
+    UsdslfError                                        base of all errors that a user can mend
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+from usdslf.errors import UsdslfError
+
+if TYPE_CHECKING:
+    from usdslf.scene import Scene
+    from usdslf.session import Session, open
+    from usdslf.strokes import Stroke, paint_stroke
+    from usdslf.usd.stroke_layer import read_strokes, write_strokes
+
+__version__ = "0.1.0"
+
+__all__ = [
+    "Scene",
+    "Session",
+    "Stroke",
+    "UsdslfError",
+    "__version__",
+    "open",
+    "paint_stroke",
+    "read_strokes",
+    "write_strokes",
+]
+
+# Loaded at first use, so that `usdslf --help` and `usdslf doctor` neither wait for USD nor need OpenCL.
+_HOME = {
+    "Scene": "usdslf.scene",
+    "Session": "usdslf.session",
+    "open": "usdslf.session",
+    "Stroke": "usdslf.strokes",
+    "paint_stroke": "usdslf.strokes",
+    "read_strokes": "usdslf.usd.stroke_layer",
+    "write_strokes": "usdslf.usd.stroke_layer",
+}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _HOME:
+        raise AttributeError(f"module 'usdslf' has no attribute {name!r}")
+    return getattr(import_module(_HOME[name]), name)
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

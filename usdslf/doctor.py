@@ -1,0 +1,103 @@
+"""Says what this installation has: versions, devices, colour, Hydra, and the limits that follow."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import platform
+import sys
+from collections.abc import Iterator
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+import usdslf
+from usdslf.directions import D
+from usdslf.errors import UsdslfError
+
+PACKAGES = (
+    "usd-core",
+    "embreex",
+    "pyopencl",
+    "pocl-binary-distribution",
+    "OpenImageIO",
+    "opencolorio",
+    "numpy",
+    "scipy",
+    "PySide6-Essentials",
+    "bpy",
+)
+OPTIONAL = {"pocl-binary-distribution", "PySide6-Essentials", "bpy"}
+
+Row = tuple[str, str, str]
+"""(section, name, value)"""
+
+
+def diagnose(device: str | None = None, ocio: str | None = None) -> Iterator[Row]:
+    """Yields what was found, row by row; a part that fails says so and does not end the rest."""
+    yield "versions", "usdslf", usdslf.__version__
+    yield "versions", "Python", f"{platform.python_version()} on {platform.platform()}"
+    for package in PACKAGES:
+        yield "versions", package, _version(package)
+    yield from _opencl(device)
+    yield from _color(ocio)
+    yield "hydra", "viewport", hydra_state()
+    yield from _folders()
+
+
+def _version(package: str) -> str:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return "not installed" + (" (optional)" if package in OPTIONAL else "; install it with pip")
+
+
+def _opencl(name: str | None) -> Iterator[Row]:
+    try:
+        from usdslf.gpu.device import list_devices, open_device
+
+        for i, (label, memory) in enumerate(list_devices()):
+            yield "opencl", f"device {i}", f"{label}, {memory / 2**30:.1f} GiB"
+        device = open_device(name)
+    except UsdslfError as error:
+        yield "opencl", "in use", f"none: {error}"
+        return
+    yield "opencl", "in use", f"{device.name}, chosen by {_chooser(name)}"
+    # The largest array is a radiance field: three floats a direction and element.
+    largest = device.largest_array // (12 * D)
+    yield "limits", "largest array", f"{device.largest_array / 2**30:.1f} GiB"
+    yield "limits", "elements", f"at most {largest} with {D} directions each"
+
+
+def _chooser(name: str | None) -> str:
+    if name is not None:
+        return "--device"
+    return "PYOPENCL_CTX" if os.environ.get("PYOPENCL_CTX") else "default (a GPU before a CPU)"
+
+
+def _color(ocio: str | None) -> Iterator[Row]:
+    try:
+        from usdslf.color import Color
+
+        yield "colour", "OpenColorIO config", Color(ocio).name
+    except (UsdslfError, ImportError) as error:
+        yield "colour", "OpenColorIO config", f"none: {error}"
+
+
+def hydra_state() -> str:
+    """Says which pxr would draw a Hydra viewport, without importing any."""
+    spec = importlib.util.find_spec("pxr")
+    folders = [Path(p) for p in (spec.submodule_search_locations or ())] if spec else []
+    if any((folder / "UsdImagingGL").is_dir() for folder in folders):
+        return "present (the installed OpenUSD has UsdImagingGL)"
+    if importlib.util.find_spec("bpy"):
+        return "present (UsdImagingGL of the bpy package, GPL-3)"
+    return "not present; the built-in renderer is used (pip install 'usdslf[hydra]' on Python 3.13)"
+
+
+def _folders() -> Iterator[Row]:
+    package = Path(usdslf.__file__).resolve().parent
+    for name, sample in (("kernels", "common.cl"), ("schemas", "plugInfo.json")):
+        places = (package / f"_{name}", package.parent / name)
+        found = next((str(p) for p in places if (p / sample).is_file()), "missing; reinstall usdslf")
+        yield "installation", name, found
+    yield "installation", "Python executable", sys.executable

@@ -1,0 +1,1 @@
+"""USD: stages in, layers out.  The only code that imports pxr."""
