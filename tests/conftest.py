@@ -1,0 +1,84 @@
+"""What tests share: the real stages, the OpenCL device, and no silent gaps.
+
+Real stages lie in ../shared/assets beside the repository.  A clone elsewhere has none: there the tests that
+ask for the fixture `assets` are left out and the summary says how many.  With CI or USDSLF_REQUIRE_ASSETS
+set they fail instead.  `--no-skips` makes a run with a skipped test fail.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+if TYPE_CHECKING:
+    from usdslf.gpu.device import Device
+
+ASSETS = Path(__file__).resolve().parents[2] / "shared/assets"
+_left_out = pytest.StashKey[int]()
+
+
+def _assets_required() -> bool:
+    return bool(os.environ.get("CI") or os.environ.get("USDSLF_REQUIRE_ASSETS"))
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--no-skips", action="store_true", help="a skipped test makes the run fail")
+
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    if ASSETS.is_dir() or _assets_required():
+        return
+    without = [item for item in items if "assets" in getattr(item, "fixturenames", ())]
+    config.stash[_left_out] = len(without)
+    config.hook.pytest_deselected(items=without)
+    items[:] = [item for item in items if item not in without]
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_sessionfinish(session: pytest.Session) -> None:
+    reporter = session.config.pluginmanager.get_plugin("terminalreporter")
+    skipped = reporter.stats.get("skipped", []) if reporter else []
+    if session.config.getoption("--no-skips") and skipped and session.exitstatus == pytest.ExitCode.OK:
+        session.exitstatus = pytest.ExitCode.TESTS_FAILED
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: pytest.Config) -> None:
+    count = config.stash.get(_left_out, 0)
+    if count:
+        terminalreporter.write_line(f"left out: {count} tests on real stages, there is no folder {ASSETS}")
+    if config.getoption("--no-skips") and terminalreporter.stats.get("skipped"):
+        terminalreporter.write_line("failed: a test was skipped (--no-skips)", red=True)
+
+
+@pytest.fixture(scope="session")
+def assets() -> Path:
+    """The folder of real stages."""
+    if not ASSETS.is_dir():
+        pytest.fail(f"the folder of real stages {ASSETS} is missing (CI or USDSLF_REQUIRE_ASSETS is set)")
+    return ASSETS
+
+
+@pytest.fixture(scope="session")
+def device() -> Device:
+    """The OpenCL device that the program would choose, once a run."""
+    from usdslf.gpu.device import open_device
+
+    return open_device()
+
+
+@pytest.fixture
+def run(capfd: pytest.CaptureFixture[str]) -> Callable[..., tuple[int, str, str]]:
+    """The command line in this process: run("info", path) -> exit code, stdout, stderr."""
+    from usdslf.cli import main
+
+    def command(*arguments: object) -> tuple[int, str, str]:
+        capfd.readouterr()
+        code = main([str(a) for a in arguments])
+        out, err = capfd.readouterr()
+        return code, out, err
+
+    return command
