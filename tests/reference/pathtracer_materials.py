@@ -1,0 +1,199 @@
+"""UsdPreviewSurface materials of a stage as dictionaries of Mitsuba 3."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import mitsuba as mi
+import numpy as np
+from numpy.typing import NDArray
+from pxr import UsdShade
+from reference.preview_surface_bsdf import register
+
+register()
+
+CHANNELS = {"rgb": [0, 1, 2], "r": [0], "g": [1], "b": [2], "a": [3]}
+WRAPS = {"repeat": "repeat", "mirror": "mirror", "clamp": "clamp"}
+
+
+def linear_from_srgb(x: NDArray) -> NDArray:
+    """The sRGB curve, decoded."""
+    return np.where(x <= 0.04045, x / 12.92, ((np.maximum(x, 0) + 0.055) / 1.055) ** 2.4)
+
+
+def read_texels(path: str, color_space: str) -> NDArray | None:
+    """Reads an image as (h, w, 4) float32, linear, top row first; None where it cannot be read."""
+    import OpenImageIO as oiio
+
+    image = oiio.ImageBuf(path)
+    if image.has_error:
+        image.geterror()
+        return None
+    pixels = np.atleast_3d(image.get_pixels(oiio.FLOAT))
+    count = pixels.shape[2]
+    rgba = np.ones((*pixels.shape[:2], 4), np.float32)
+    if count <= 2:
+        rgba[..., :3] = pixels[..., :1]
+        if count == 2:
+            rgba[..., 3] = pixels[..., 1]
+    else:
+        rgba[..., : min(count, 4)] = pixels[..., :4]
+    is_8_bit_color = str(image.spec().format) == "uint8" and count >= 3
+    if color_space == "sRGB" or (color_space == "auto" and is_8_bit_color):
+        rgba[..., :3] = linear_from_srgb(rgba[..., :3])
+    return rgba
+
+
+def input_source(shader: UsdShade.Shader, name: str, fallback: Any, warnings: list[str]) -> tuple[Any, Any]:
+    """Returns (constant, None), or (fallback, (texture shader, output name))."""
+    shade_input = shader.GetInput(name)
+    if not shade_input:
+        return fallback, None
+    producers = UsdShade.Utils.GetValueProducingAttributes(shade_input)
+    if not producers:
+        value = shade_input.Get()
+        return (fallback if value is None else value), None
+    attribute = producers[0]
+    if UsdShade.Utils.GetType(attribute.GetName()) == UsdShade.AttributeType.Output:
+        source = UsdShade.Shader(attribute.GetPrim())
+        kind = source.GetIdAttr().Get() if source else None
+        if kind == "UsdUVTexture":
+            return fallback, (source, UsdShade.Utils.GetBaseNameAndType(attribute.GetName())[0])
+        warnings.append(f"{kind} feeding {shader.GetPath()}.{name}: fallback used")
+        return fallback, None
+    value = attribute.Get()
+    return (fallback if value is None else value), None
+
+
+class MaterialReader:
+    """Turns materials into BSDF dictionaries and collects what it could not honour in `warnings`."""
+
+    def __init__(self, model: str, warnings: list[str]) -> None:
+        self.model = model
+        self.warnings = warnings
+
+    def read(self, material: UsdShade.Material | None, display: tuple[float, ...]) -> tuple[dict, Any, str]:
+        """Returns (BSDF dictionary, emitter dictionary or None, name of the texture coordinates)."""
+        bsdf: dict[str, Any] = {"type": "usdpreviewsurface", "model": self.model}
+        shader = material.ComputeSurfaceSource()[0] if material else None
+        if not shader or shader.GetIdAttr().Get() != "UsdPreviewSurface":
+            if shader:
+                self.warnings.append(f"{shader.GetIdAttr().Get()} on {material.GetPath()}: fallback material")
+            bsdf.update(diffuse=mi.ScalarColor3f(*display), use_specular_workflow=False)
+            return bsdf, None, "st"
+        uv_names = ["st"]
+
+        def color(name: str, fallback: tuple[float, float, float]) -> Any:
+            value, texture = self._source(shader, name, fallback)
+            if texture:
+                return self._texture(*texture, 3, uv_names)
+            return mi.ScalarColor3f(*[float(x) for x in value])
+
+        def scalar(name: str, fallback: float) -> Any:
+            value, texture = self._source(shader, name, fallback)
+            return self._texture(*texture, 1, uv_names) if texture else float(value)
+
+        bsdf["use_specular_workflow"] = bool(self._source(shader, "useSpecularWorkflow", 0)[0])
+        bsdf["diffuse"] = color("diffuseColor", (0.18, 0.18, 0.18))
+        bsdf["specular"] = color("specularColor", (0, 0, 0))
+        bsdf["roughness"] = scalar("roughness", 0.5)
+        bsdf["metallic"] = scalar("metallic", 0.0)
+        bsdf["ior"] = float(self._source(shader, "ior", 1.5)[0])
+        coat = scalar("clearcoat", 0.0)
+        if coat != 0.0:
+            coat_roughness = scalar("clearcoatRoughness", 0.01)
+            bsdf.update(clearcoat=coat, has_clearcoat=True, clearcoat_roughness=coat_roughness)
+        self._add_opacity(bsdf, shader, scalar("opacity", 1.0))
+        for name in ("normal", "displacement", "occlusion"):
+            shade_input = shader.GetInput(name)
+            if shade_input and (
+                shade_input.HasConnectedSource() or (name == "displacement" and shade_input.Get())
+            ):
+                self.warnings.append(f"{name} on {material.GetPath()}: ignored")
+        emission, texture = self._source(shader, "emissiveColor", (0, 0, 0))
+        emitter = None
+        if texture:
+            emitter = {"type": "area", "radiance": self._texture(*texture, 3, uv_names)}
+        elif any(x > 0 for x in emission):
+            emitter = {"type": "area", "radiance": {"type": "rgb", "value": [float(x) for x in emission]}}
+        return bsdf, emitter, uv_names[-1]
+
+    def _source(self, shader: UsdShade.Shader, name: str, fallback: Any) -> tuple[Any, Any]:
+        return input_source(shader, name, fallback, self.warnings)
+
+    def _add_opacity(self, bsdf: dict, shader: UsdShade.Shader, opacity: Any) -> None:
+        if opacity == 1.0:
+            return
+        threshold = float(self._source(shader, "opacityThreshold", 0.0)[0])
+        mode = self._source(shader, "opacityMode", "transparent")[0]
+        if threshold > 0:
+            mode = "presence"
+            if isinstance(opacity, float):
+                opacity = 1.0 if opacity >= threshold else 0.0
+            else:
+                opacity["data"] = mi.TensorXf((np.array(opacity["data"]) >= threshold).astype(np.float32))
+                opacity["filter_type"] = "nearest"
+        bsdf.update(opacity=opacity, has_null=True, presence=mode == "presence")
+
+    def _texture(self, texture: UsdShade.Shader, output: str, size: int, uv_names: list[str]) -> dict:
+        """Returns a bitmap dictionary with scale and bias applied to its texels."""
+
+        def value(name: str, fallback: Any) -> Any:
+            return self._source(texture, name, fallback)[0]
+
+        asset = value("file", None)
+        path = (asset.resolvedPath or asset.path) if asset else ""
+        if "<UDIM>" in path:
+            self.warnings.append(f"UDIM texture {path}")
+        texels = read_texels(path, value("sourceColorSpace", "auto"))
+        scale, bias = value("scale", (1, 1, 1, 1)), value("bias", (0, 0, 0, 0))
+        if texels is None:
+            self.warnings.append(f"unreadable texture {path}")
+            texels = np.broadcast_to(np.array(value("fallback", (0, 0, 0, 1)), np.float32), (2, 2, 4))
+        else:
+            texels = texels * np.array(scale, np.float32) + np.array(bias, np.float32)
+        channels = CHANNELS[output]
+        if size == 3 and len(channels) == 1:
+            channels = channels * 3
+        wrap_s, wrap_t = value("wrapS", "useMetadata"), value("wrapT", "useMetadata")
+        if wrap_s != wrap_t:
+            self.warnings.append(f"wrapS {wrap_s} with wrapT {wrap_t} on {texture.GetPath()}")
+        if wrap_s not in WRAPS:
+            self.warnings.append(f"wrap mode {wrap_s} on {texture.GetPath()}: taken as repeat")
+        texels = np.ascontiguousarray(texels[..., channels[:size]], np.float32)
+        bitmap: dict[str, Any] = {
+            "type": "bitmap",
+            "data": mi.TensorXf(texels),
+            "raw": True,
+            "wrap_mode": WRAPS.get(wrap_s, "repeat"),
+            "filter_type": "bilinear",
+        }
+        uv_names.append(self._coordinates(texture, bitmap))
+        return bitmap
+
+    def _coordinates(self, texture: UsdShade.Shader, bitmap: dict) -> str:
+        """Adds a UsdTransform2d to the bitmap; returns the name of the primvar that is read."""
+        reader = _connected(texture, "st")
+        if reader and reader.GetIdAttr().Get() == "UsdTransform2d":
+            rotation = math.radians(self._source(reader, "rotation", 0.0)[0])
+            scale = self._source(reader, "scale", (1, 1))[0]
+            move = self._source(reader, "translation", (0, 0))[0]
+            c, s = math.cos(rotation), math.sin(rotation)
+            st_from_uv = np.array(
+                [[c * scale[0], -s * scale[1], move[0]], [s * scale[0], c * scale[1], move[1]], [0, 0, 1]]
+            )
+            flip = np.array([[1, 0, 0], [0, -1, 1], [0, 0, 1.0]])  # Mitsuba's v = 1 - t
+            flipped = flip @ st_from_uv @ flip
+            to_uv = np.eye(4)
+            to_uv[:2, :2], to_uv[:2, 3] = flipped[:2, :2], flipped[:2, 2]
+            bitmap["to_uv"] = mi.ScalarTransform4f(to_uv)
+            reader = _connected(reader, "in")
+        return str(self._source(reader, "varname", "st")[0] or "st") if reader else "st"
+
+
+def _connected(shader: UsdShade.Shader, name: str) -> UsdShade.Shader | None:
+    shade_input = shader.GetInput(name)
+    if not shade_input or not shade_input.HasConnectedSource():
+        return None
+    return UsdShade.Shader(shade_input.GetConnectedSources()[0][0].source.GetPrim())
