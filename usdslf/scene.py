@@ -42,6 +42,7 @@ class Texture:
         (0.0, 1.0, 0.0),
         (0.0, 0.0, 1.0),
     )  # UsdTransform2d
+    st_fallback: tuple[float, float] = (0.0, 0.0)  # coordinates on a gprim without that primvar
 
 
 @dataclass(frozen=True)
@@ -185,6 +186,8 @@ class Scene:
     up_axis: str = "Y"
     meters_per_unit: float = 0.01
     warnings: tuple[str, ...] = ()
+    ocio: str = ""  # OpenColorIO config as asked for; "" is $OCIO, else the built-in one
+    working_space: str = "lin_rec709_scene"
 
     @cached_property
     def triangles(self) -> Triangles:

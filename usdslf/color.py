@@ -1,0 +1,207 @@
+"""Colour: every conversion is OpenColorIO's.
+
+Config: what was asked for (`--ocio`), else `$OCIO`, else `ocio://default`.  Working space: the
+scene-linear space that the shot is rendered in, `lin_rec709_scene` unless the stage says otherwise.
+Names that the config lacks are looked up in OpenColorIO's built-in config, so that USD's own names
+(`lin_ap1_scene`, `srgb_rec709_scene`, ...) and `sRGB`, `raw` work with any config.
+"""
+
+from __future__ import annotations
+
+import os
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+import PyOpenColorIO as ocio
+from numpy.typing import ArrayLike, NDArray
+
+from usdslf.errors import InputError
+
+F32 = NDArray[np.float32]
+BUILT_IN = "ocio://default"
+USD_DEFAULT_SPACE = "lin_rec709_scene"
+# What UsdUVTexture and older files call spaces that OpenColorIO names otherwise.
+_SYNONYMS = {"sRGB": "srgb_rec709_scene", "srgb": "srgb_rec709_scene", "linear": USD_DEFAULT_SPACE}
+_DATA = ("", "raw", "Raw", "data", "identity", "unknown")
+
+
+class Color:
+    """Conversions into and out of one working space by one OpenColorIO config.
+
+    Attributes:
+        config_name: the resolved name, to be recorded with results.
+        working_space: name of the scene-linear space of all pixels inside the program.
+        display_name, view_name: what `display` uses unless told otherwise.
+    """
+
+    def __init__(self, config: str | None = None, working_space: str = USD_DEFAULT_SPACE) -> None:
+        origin, path = "--ocio", config
+        if not path:
+            origin, path = "$OCIO", os.environ.get("OCIO")
+        if not path:
+            origin, path = "the built-in config", BUILT_IN
+        try:
+            self._config = ocio.Config.CreateFromFile(path)
+            self._config.validate()
+        except ocio.Exception as e:
+            reason = " ".join(str(e).split()).rstrip(".")
+            raise InputError(
+                f"{path} (from {origin}) cannot be used as an OpenColorIO config, "
+                f"name a config.ocio file or {BUILT_IN}: {reason}"
+            ) from None
+        self._built_in = ocio.Config.CreateFromFile(BUILT_IN)
+        self.config_name: str = self._config.getName() or str(path)
+        self.working_space = working_space
+        if not self.knows(working_space):
+            raise InputError(
+                f"working space {working_space} is not in {self.config_name}, "
+                f"author another renderingColorSpace or use another --ocio"
+            )
+        self.display_name: str = self._config.getDefaultDisplay()
+        self.view_name: str = self._config.getDefaultView(self.display_name)
+        self._processors: dict[tuple[str, str], ocio.CPUProcessor | None] = {}
+
+    # ---- names -----------------------------------------------------------------------------
+    def knows(self, space: str) -> bool:
+        """Whether `space` names a colour space, a role or data."""
+        name = _SYNONYMS.get(space, space)
+        return space in _DATA or any(c.getColorSpace(name) for c in (self._config, self._built_in))
+
+    def is_data(self, space: str) -> bool:
+        """Whether pixels of `space` are numbers that no conversion may touch."""
+        if space in _DATA:
+            return True
+        found = self._config.getColorSpace(_SYNONYMS.get(space, space))
+        return bool(found and found.isData())
+
+    def displays(self) -> dict[str, list[str]]:
+        """Views of each display, the default ones first."""
+        names = sorted(self._config.getActiveDisplays(), key=lambda d: d != self.display_name)
+        names = [n for n in names if n] or [self.display_name]
+        return {d: list(self._config.getViews(d)) for d in names}
+
+    # ---- conversions -----------------------------------------------------------------------
+    def to_working(self, pixels: ArrayLike, space: str) -> F32:
+        """Returns pixels (..., 3 or 4) of `space` in the working space; alpha as it is."""
+        return self._apply(pixels, space, self.working_space)
+
+    def from_working(self, pixels: ArrayLike, space: str) -> F32:
+        """Returns working-space pixels (..., 3 or 4) in `space`; alpha as it is."""
+        return self._apply(pixels, self.working_space, space)
+
+    def picking_to_working(self, pixels: ArrayLike) -> F32:
+        """Returns colours of a colour picker, which is bounded, as working-space reflectances."""
+        return self.to_working(pixels, self._picking_space())
+
+    def working_to_picking(self, pixels: ArrayLike) -> F32:
+        """Returns working-space reflectances as a colour picker shows them."""
+        return self.from_working(pixels, self._picking_space())
+
+    def display(
+        self,
+        pixels: ArrayLike,
+        exposure: float = 0.0,
+        gamma: float = 1.0,
+        display: str = "",
+        view: str = "",
+        invert: bool = False,
+    ) -> F32:
+        """Returns working-space pixels (..., 3 or 4) as display code values, as a viewer shows them.
+
+        Args:
+            pixels: scene-linear; what is not finite is shown black.
+            exposure: [stops], before the view.
+            gamma: exponent 1 / gamma after the view.
+            display, view: names in the config; default its first ones.
+            invert: from display code values back to scene-linear; display white can become very large.
+
+        Raises:
+            InputError: the config has no such display or view.
+        """
+        display = display or self.display_name
+        view = view or self._config.getDefaultView(display)
+        out = np.nan_to_num(np.array(pixels, np.float32), nan=0.0, posinf=65504.0, neginf=0.0)
+        source = self.working_space
+        if not self._config.getColorSpace(source):
+            source = self._config.getRoleColorSpace("scene_linear") or source
+        transform = ocio.DisplayViewTransform(src=source, display=display, view=view)
+        pipeline = ocio.LegacyViewingPipeline()
+        pipeline.setDisplayViewTransform(transform)
+        gain = float(2.0**exposure)
+        pipeline.setLinearCC(ocio.MatrixTransform.Scale([gain, gain, gain, 1.0]))
+        power = 1.0 / max(gamma, 1e-3)
+        pipeline.setDisplayCC(ocio.ExponentTransform([power, power, power, 1.0]))
+        try:
+            processor = pipeline.getProcessor(self._config, self._config.getCurrentContext())
+        except ocio.Exception:
+            raise InputError(
+                f"{self.config_name} has no display {display!r} with view {view!r}, "
+                f"it has {', '.join(self.displays())}"
+            ) from None
+        if invert:
+            group = processor.createGroupTransform()
+            processor = self._config.getProcessor(group, ocio.TRANSFORM_DIR_INVERSE)
+            out = _run(processor.getDefaultCPUProcessor(), out)
+            return self._apply(out, source, self.working_space)
+        return _run(processor.getDefaultCPUProcessor(), self._apply(out, self.working_space, source))
+
+    def acts_per_channel(self, space: str) -> bool:
+        """Whether the conversion from `space` treats the channels alike and apart (a table can hold it)."""
+        processor = self._processor(space, self.working_space)
+        return processor is None or not processor.hasChannelCrosstalk()
+
+    def _picking_space(self) -> str:
+        return self._config.getRoleColorSpace("color_picking") or "srgb_rec709_scene"
+
+    def _apply(self, pixels: ArrayLike, source: str, target: str) -> F32:
+        out = np.array(pixels, np.float32, order="C")
+        processor = self._processor(source, target)
+        return out if processor is None else _run(processor, out)
+
+    def _processor(self, source: str, target: str) -> Any:
+        """The CPU processor between two spaces, None where nothing is to be done."""
+        key = (source, target)
+        if key not in self._processors:
+            self._processors[key] = self._make_processor(source, target)
+        return self._processors[key]
+
+    def _make_processor(self, source: str, target: str) -> Any:
+        for name in (source, target):
+            if not self.knows(name):
+                raise InputError(f"colour space {name!r} is not in {self.config_name}, name one that is")
+        if source == target or self.is_data(source) or self.is_data(target):
+            return None
+        a, b = (_SYNONYMS.get(n, n) for n in (source, target))
+        here, built_in = self._config, self._built_in
+        if here.getColorSpace(a) and here.getColorSpace(b):
+            processor = here.getProcessor(a, b)
+        elif here.getColorSpace(b):
+            processor = ocio.Config.GetProcessorFromBuiltinColorSpace(a, here, b)
+        elif here.getColorSpace(a):
+            processor = ocio.Config.GetProcessorToBuiltinColorSpace(here, a, b)
+        else:
+            processor = built_in.getProcessor(a, b)
+        if processor.isNoOp():
+            return None
+        # Lossless: the default takes a fast, coarse power function.
+        return processor.getOptimizedCPUProcessor(ocio.OPTIMIZATION_LOSSLESS)
+
+
+def _run(processor: Any, pixels: F32) -> F32:
+    """Applies a processor to pixels (..., 3 or 4), which are overwritten where that is possible."""
+    if pixels.shape[-1] not in (3, 4):
+        raise InputError(f"pixels with {pixels.shape[-1]} channels have no colour, give 3 or 4")
+    if pixels.size:
+        (processor.applyRGB if pixels.shape[-1] == 3 else processor.applyRGBA)(pixels)
+    return pixels
+
+
+@lru_cache(maxsize=16)
+def _color(config: str, environment: str, working_space: str) -> Color:
+    return Color(config or None, working_space)
+
+
+def color_of(config: str | None = None, working_space: str = USD_DEFAULT_SPACE) -> Color:
+    """Returns the `Color` of a config and a working space, the same object each time."""
+    return _color(config or "", os.environ.get("OCIO", ""), working_space)

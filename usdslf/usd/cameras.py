@@ -1,0 +1,65 @@
+"""Cameras: UsdGeom.Camera -> Camera records.
+
+Apertures, offsets and focal length of a perspective camera stay in their common unit (a tenth of a stage
+unit).  An orthographic camera's apertures and offsets are given in stage units: its picture is that wide.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from pxr import Gf, Usd, UsdGeom
+
+from usdslf.scene import F64, Camera
+from usdslf.usd.notes import Notes
+
+
+def read_cameras(stage: Usd.Stage, time: Usd.TimeCode, notes: Notes) -> list[Camera]:
+    """Returns all cameras of a stage, in the order of prims."""
+    transforms = UsdGeom.XformCache(time)
+    prims = Usd.PrimRange.Stage(stage, Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate))
+    return [
+        read_camera(UsdGeom.Camera(p), transforms.GetLocalToWorldTransform(p), time, notes)
+        for p in prims
+        if p.IsA(UsdGeom.Camera)
+    ]
+
+
+def read_camera(camera: UsdGeom.Camera, world: Gf.Matrix4d, time: Usd.TimeCode, notes: Notes) -> Camera:
+    """Returns one camera; `world` is USD's local-to-world matrix."""
+    path = camera.GetPath()
+    perspective = camera.GetProjectionAttr().Get(time) != UsdGeom.Tokens.orthographic
+    unit = 1.0 if perspective else Gf.Camera.APERTURE_UNIT
+    near, far = camera.GetClippingRangeAttr().Get(time) or (0.0, np.inf)
+    focal_length = float(camera.GetFocalLengthAttr().Get(time))
+    if perspective and focal_length <= 0:
+        notes.add("camera {} has no focal length: 50 is used", path)
+        focal_length = 50.0
+    if perspective and (camera.GetFStopAttr().Get(time) or 0) > 0:
+        notes.add("depth of field of camera {} is not shown", path)
+    return Camera(
+        path=str(path),
+        world_from_camera=rigid(np.array(world, np.float64).T),
+        horizontal_aperture=unit * float(camera.GetHorizontalApertureAttr().Get(time)),
+        vertical_aperture=unit * float(camera.GetVerticalApertureAttr().Get(time)),
+        focal_length=focal_length,
+        horizontal_offset=unit * float(camera.GetHorizontalApertureOffsetAttr().Get(time)),
+        vertical_offset=unit * float(camera.GetVerticalApertureOffsetAttr().Get(time)),
+        perspective=perspective,
+        near=max(float(near), 0.0),
+        far=float(far),
+    )
+
+
+def rigid(world: F64) -> F64:
+    """Returns a rotation and translation (4, 4) with the view axis and up direction of `world`."""
+
+    def unit(v: F64, otherwise: tuple[float, float, float]) -> F64:
+        length = np.linalg.norm(v)
+        return v / length if length > 0 else np.asarray(otherwise)
+
+    back = unit(world[:3, 2], (0.0, 0.0, 1.0))
+    up = unit(world[:3, 1] - back * (world[:3, 1] @ back), (0.0, 1.0, 0.0))
+    out = np.eye(4)
+    out[:3, :3] = np.stack([np.cross(up, back), up, back], 1)
+    out[:3, 3] = world[:3, 3]
+    return out

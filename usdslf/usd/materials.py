@@ -1,0 +1,381 @@
+"""Materials: what is bound to gprims -> Material records.
+
+Binding: purpose preview, else all-purpose, else full; strengths, collections and GeomSubsets are resolved
+by UsdShade.  The surface is the UsdPreviewSurface of the universal context, else of any other context.
+Anything else becomes a stand-in (displayColor, else grey) that says why it cannot be edited.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from pxr import Sdf, Usd, UsdGeom, UsdShade
+
+from usdslf import images
+from usdslf.color import USD_DEFAULT_SPACE, Color
+from usdslf.scene import Input, Material, Mesh, PrimvarInput, Texture, constant
+from usdslf.usd.notes import Notes
+
+PREVIEW = "UsdPreviewSurface"
+# field of Material: (input of the shader, fallback)
+_COLORS: dict[str, tuple[str, tuple[float, float, float]]] = {
+    "diffuse_color": ("diffuseColor", (0.18, 0.18, 0.18)),
+    "emissive_color": ("emissiveColor", (0.0, 0.0, 0.0)),
+    "specular_color": ("specularColor", (0.0, 0.0, 0.0)),
+}
+_SCALARS: dict[str, tuple[str, float]] = {
+    "metallic": ("metallic", 0.0),
+    "roughness": ("roughness", 0.5),
+    "clearcoat": ("clearcoat", 0.0),
+    "clearcoat_roughness": ("clearcoatRoughness", 0.01),
+    "ior": ("ior", 1.5),
+    "opacity": ("opacity", 1.0),
+}
+Affine = tuple[tuple[float, float, float], ...]
+_IDENTITY: Affine = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
+
+
+class MaterialTable:
+    """Numbers the materials of a stage in the order in which gprims ask for them.
+
+    Call it with a gprim or a GeomSubset: it returns the index into `materials`.
+    """
+
+    def __init__(self, time: Usd.TimeCode, color: Color, notes: Notes) -> None:
+        self.materials: list[Material] = []
+        self._time, self._color, self._notes = time, color, notes
+        self._index: dict[Any, int] = {}
+        self._stand_ins: dict[int, dict[tuple[str, str], None]] = {}  # index -> (reason, prim)
+        self._read: dict[Sdf.Path, Material | None] = {}
+
+    def __call__(self, prim: Usd.Prim) -> int:
+        """Returns the index of the material that a gprim or GeomSubset shows."""
+        bound = bound_material(prim)
+        if bound:
+            path = bound.GetPath()
+            if path in self._index:
+                return self._index[path]
+            material = self._material(bound)
+            if material is not None:
+                return self._number(path, material)
+            outputs = _what_it_has(bound)
+            reason = f"no UsdPreviewSurface (but {outputs}) in {{}}: displayColor, else grey, is shown"
+            why = (
+                f"{path} has no UsdPreviewSurface (it has {outputs}): bind a new UsdPreviewSurface "
+                f"material, final renders by other contexts would not follow it"
+            )
+            return self._stand_in(prim, str(path), why, (reason, str(path)))
+        what = "the binding of {} names no material" if _has_binding(prim) else "no material is bound to {}"
+        note = (f"{what}: displayColor, else grey, is shown", str(prim.GetPath()))
+        why = "no material is bound: bind a UsdPreviewSurface material first"
+        return self._stand_in(prim, "", why, note)
+
+    def used(self, meshes: list[Mesh]) -> tuple[list[Mesh], list[Material]]:
+        """Returns meshes and materials without the materials that no triangle has; notes used stand-ins."""
+        count = len(self.materials)
+        seen = np.zeros(count, bool)
+        for mesh in meshes:
+            seen[np.unique(mesh.material_of_triangle)] = True
+        number = (np.cumsum(seen) - 1).astype(np.int32)
+        for i in np.nonzero(seen)[0]:
+            for reason, prim in self._stand_ins.get(int(i), {}):
+                self._notes.add(reason, prim)
+        if not seen.all():
+            meshes = [replace(m, material_of_triangle=number[m.material_of_triangle]) for m in meshes]
+        return meshes, [m for m, s in zip(self.materials, seen, strict=True) if s]
+
+    def _number(self, key: Any, material: Material) -> int:
+        if key not in self._index:
+            self._index[key] = len(self.materials)
+            self.materials.append(material)
+        return self._index[key]
+
+    def _stand_in(self, prim: Usd.Prim, path: str, why: str, note: tuple[str, str]) -> int:
+        """Numbers what a gprim shows without a UsdPreviewSurface: one entry for each look."""
+        gprim = prim if prim.IsA(UsdGeom.Gprim) else prim.GetParent()
+        diffuse, color_key = self._display(gprim, "displayColor", (0.18, 0.18, 0.18))
+        opacity, opacity_key = self._display(gprim, "displayOpacity", (1.0,))
+        material = Material(path=path, diffuse_color=diffuse, opacity=opacity, why_not_editable=why)
+        index = self._number((path, color_key, opacity_key), material)
+        self._stand_ins.setdefault(index, {})[note] = None
+        return index
+
+    def _display(self, gprim: Usd.Prim, name: str, fallback: tuple[float, ...]) -> tuple[Input, Any]:
+        """Returns displayColor or displayOpacity as an input, and a key for equal ones."""
+        primvar = UsdGeom.PrimvarsAPI(gprim).FindPrimvarWithInheritance(name)
+        value = primvar.Get(self._time) if primvar else None
+        if value is None or len(value) == 0:
+            return constant(*fallback), fallback
+        if len(value) > 1:
+            return PrimvarInput(name, fallback), name
+        key = tuple(float(x) for x in np.ravel(value[0]))
+        return _constant(key, self._color, USD_DEFAULT_SPACE), key
+
+    def _material(self, bound: UsdShade.Material) -> Material | None:
+        """Reads a material; those of equal instances are read once and differ by path."""
+        prim = bound.GetPrim()
+        source = prim.GetPrimInPrototype() if prim.IsInstanceProxy() else prim
+        if source.GetPath() not in self._read:
+            self._read[source.GetPath()] = self._read_material(bound)
+        found = self._read[source.GetPath()]
+        shader = _surface(bound)
+        if found is None or shader is None:
+            return None
+        return replace(found, path=str(prim.GetPath()), shader=str(shader.GetPath()))
+
+    def _read_material(self, bound: UsdShade.Material) -> Material | None:
+        shader = _surface(bound)
+        if shader is None:
+            return None
+        read = _Network(shader, self._time, self._color, self._notes)
+        values: dict[str, Any] = {f: read.value(n, fb) for f, (n, fb) in _COLORS.items()}
+        values |= {f: read.value(n, (fb,)) for f, (n, fb) in _SCALARS.items()}
+        normal = read.value("normal", (0.0, 0.0, 1.0))
+        if isinstance(normal, Texture):
+            self._check_normal_map(normal)
+            values["normal"] = normal
+        displacement = read.value("displacement", (0.0,))
+        if not isinstance(displacement, np.ndarray) or displacement[0] != 0:
+            self._notes.add("displacement of {} is not shown", shader.GetPath())
+        return Material(
+            path=str(bound.GetPath()),
+            shader=str(shader.GetPath()),
+            use_specular_workflow=bool(read.plain("useSpecularWorkflow", 0)),
+            opacity_threshold=float(read.plain("opacityThreshold", 0.0)),
+            opacity_mode=str(read.plain("opacityMode", "transparent")),
+            **values,
+        )
+
+    def _check_normal_map(self, texture: Texture) -> None:
+        """Notes a normal map whose texels, as authored, cannot be vectors in -1..1."""
+        unscaled = texture.bias[:2] == (0.0, 0.0) and texture.scale[:2] == (1.0, 1.0)
+        if unscaled and images.is_8_bit(texture.path):
+            reason = "normal map {} has 8 bits but no scale 2 and bias -1: taken as authored"
+            self._notes.add(reason, texture.prim)
+
+
+def bound_material(prim: Usd.Prim) -> UsdShade.Material:
+    """Returns the material that is shown on a prim, an invalid one where nothing is bound."""
+    api = UsdShade.MaterialBindingAPI(prim)
+    preview = api.ComputeBoundMaterial(UsdShade.Tokens.preview)[0]  # falls back to all-purpose
+    if preview and _surface(preview) is not None:
+        return preview
+    full = api.ComputeBoundMaterial(UsdShade.Tokens.full)[0]
+    if full and (not preview or _surface(full) is not None):
+        return full
+    return preview
+
+
+def _has_binding(prim: Usd.Prim) -> bool:
+    """Whether a prim or an ancestor names a material directly, be it one that does not exist."""
+    while prim and not prim.IsPseudoRoot():
+        for purpose in (UsdShade.Tokens.allPurpose, UsdShade.Tokens.preview, UsdShade.Tokens.full):
+            if UsdShade.MaterialBindingAPI(prim).GetDirectBinding(purpose).GetMaterialPath():
+                return True
+        prim = prim.GetParent()
+    return False
+
+
+def _surface(material: UsdShade.Material) -> UsdShade.Shader | None:
+    """Returns the UsdPreviewSurface of a material: of the universal context, else of any."""
+    for context in ["", *_contexts(material)]:
+        shader = material.ComputeSurfaceSource(context)[0]
+        if shader and shader.GetIdAttr().Get() == PREVIEW:
+            return shader
+    return None
+
+
+def _contexts(material: UsdShade.Material) -> list[str]:
+    """Returns the render contexts, but the universal one, that a material has a surface output for."""
+    names = [output.GetBaseName().rpartition(":")[0] for output in material.GetSurfaceOutputs()]
+    return [n for n in names if n]
+
+
+def _what_it_has(material: UsdShade.Material) -> str:
+    """Returns what gives the surface of a material without UsdPreviewSurface."""
+    shader = material.ComputeSurfaceSource()[0]
+    kind = str(shader.GetShaderId() or shader.GetPath()) if shader else ""
+    return ", ".join([*_contexts(material), *([kind] if kind else [])]) or "no surface output"
+
+
+class _Network:
+    """Inputs of one shader, followed through interfaces and node graphs to what feeds them."""
+
+    def __init__(self, shader: UsdShade.Shader, time: Usd.TimeCode, color: Color, notes: Notes) -> None:
+        self.shader, self.time, self.color, self.notes = shader, time, color, notes
+
+    def value(self, name: str, fallback: tuple[float, ...]) -> Input:
+        """Returns an input of as many values as the fallback has."""
+        attribute = self._producer(name)
+        if attribute is None:
+            return constant(*fallback)
+        if UsdShade.Output.IsOutput(attribute):
+            return self._from_shader(attribute, name, fallback)
+        value = attribute.Get(self.time)
+        if value is None:
+            return constant(*fallback)
+        values = tuple(float(x) for x in np.ravel(np.asarray(value)))
+        if len(values) != len(fallback) or not np.isfinite(values).all():
+            self.notes.add(f"{name} of {{}} has no usable value: its fallback is used", self.shader.GetPath())
+            return constant(*fallback)
+        is_color = len(values) == 3 and name != "normal"
+        return _constant(values, self.color, color_space_of(attribute)) if is_color else constant(*values)
+
+    def plain(self, name: str, fallback: Any) -> Any:
+        """Returns an input that only makes sense as a constant."""
+        attribute = self._producer(name)
+        if attribute is None or UsdShade.Output.IsOutput(attribute):
+            return fallback
+        value = attribute.Get(self.time)
+        return fallback if value is None else value
+
+    def attribute(self, name: str) -> Usd.Attribute | None:
+        """Returns the attribute that holds the value of an input."""
+        return self._producer(name)
+
+    def _producer(self, name: str) -> Usd.Attribute | None:
+        port = self.shader.GetInput(name)
+        if not port:
+            return None
+        found = port.GetValueProducingAttributes()
+        if len(found) > 1:
+            reason = f"{name} of {{}} has several connections: the first is used"
+            self.notes.add(reason, self.shader.GetPath())
+        return found[0] if found else (port.GetAttr() if port.GetAttr().HasValue() else None)
+
+    def _other(self, prim: Usd.Prim) -> _Network:
+        return _Network(UsdShade.Shader(prim), self.time, self.color, self.notes)
+
+    def _from_shader(self, output: Usd.Attribute, name: str, fallback: tuple[float, ...]) -> Input:
+        source = self._other(output.GetPrim())
+        kind = str(source.shader.GetIdAttr().Get() or "")
+        if kind == "UsdUVTexture":
+            channels = output.GetName().rpartition(":")[2]
+            channels = channels if channels in ("r", "g", "b", "a", "rgb") else "rgb"
+            if len(fallback) == 1 and channels == "rgb":
+                channels = "r"
+            return source.texture(channels)
+        if kind.startswith("UsdPrimvarReader_"):
+            given = source.plain("fallback", None)
+            values = fallback if given is None else tuple(float(x) for x in np.ravel(np.asarray(given)))
+            return PrimvarInput(str(source.plain("varname", "") or ""), values)
+        reason = f"{{}} ({kind or 'no id'}) cannot be read: {name} has its fallback"
+        self.notes.add(reason, output.GetPrim().GetPath())
+        return constant(*fallback)
+
+    # ---- UsdUVTexture ------------------------------------------------------------------------
+    def texture(self, channels: str) -> Texture:
+        """Returns this UsdUVTexture, with the coordinates that lead to it."""
+        prim = self.shader.GetPath()
+        path, tiles, color_space = self._file()
+        uv_set, st_from_uv, st_fallback = self._coordinates()
+        first = tiles[0][1] if tiles else path
+        wraps = [str(self.plain(n, "useMetadata")) for n in ("wrapS", "wrapT")]
+        if "useMetadata" in wraps:
+            authored = images.wrap_modes(first) if first else ("black", "black")
+            wraps = [a if w == "useMetadata" else w for w, a in zip(wraps, authored, strict=True)]
+        if color_space not in ("auto", "") and not self.color.knows(color_space):
+            self.notes.add(f"colour space {color_space} of {{}} is unknown: taken as auto", prim)
+            color_space = "auto"
+        for file in [f for _, f in tiles] or ([path] if path else []):
+            why = images.why_unreadable(file)
+            if why:
+                self.notes.add(f"texture {file} of {{}} cannot be read ({why}): its fallback is used", prim)
+        return Texture(
+            prim=str(prim),
+            path=path,
+            tiles=tiles,
+            color_space=color_space,
+            wrap_s=wraps[0] if wraps[0] in images.WRAPS else "black",
+            wrap_t=wraps[1] if wraps[1] in images.WRAPS else "black",
+            scale=_four(self.plain("scale", (1.0, 1.0, 1.0, 1.0))),
+            bias=_four(self.plain("bias", (0.0, 0.0, 0.0, 0.0))),
+            fallback=_four(self.plain("fallback", (0.0, 0.0, 0.0, 1.0))),
+            channels=channels,
+            uv_set=uv_set,
+            st_from_uv=st_from_uv,
+            st_fallback=st_fallback,
+        )
+
+    def _file(self) -> tuple[str, tuple[tuple[int, str], ...], str]:
+        """Returns the resolved file, its UDIM tiles and its colour space."""
+        attribute = self.attribute("file")
+        asset = None
+        if attribute is not None and not UsdShade.Output.IsOutput(attribute):
+            asset = attribute.Get(self.time)
+        space = str(self.plain("sourceColorSpace", "auto"))
+        if space == "auto" and attribute is not None and attribute.HasColorSpace():
+            space = attribute.GetColorSpace()
+        if not isinstance(asset, Sdf.AssetPath) or not asset.path or attribute is None:
+            self.notes.add("texture {} names no file: its fallback is used", self.shader.GetPath())
+            return "", (), space
+        if UsdShade.UdimUtils.IsUdimIdentifier(asset.path):
+            layers = [s.layer for s in attribute.GetPropertyStack(self.time)]
+            tiles = UsdShade.UdimUtils.ResolveUdimTilePaths(asset.path, layers[0]) if layers else []
+            found = tuple(sorted((int(tile), str(file)) for file, tile in tiles))
+            if not found:
+                reason = f"no tile of {asset.path} in {{}} can be found: its fallback is used"
+                self.notes.add(reason, self.shader.GetPath())
+            return asset.path, found, space
+        if not asset.resolvedPath:
+            reason = f"texture {asset.path} of {{}} cannot be found: its fallback is used"
+            self.notes.add(reason, self.shader.GetPath())
+        return str(asset.resolvedPath), (), space
+
+    def _coordinates(self) -> tuple[str, Affine, tuple[float, float]]:
+        """Returns the primvar, the transform and the fallback of the coordinates of a texture."""
+        matrix, node, name = np.eye(3), self, "st"
+        for _ in range(8):
+            attribute = node.attribute(name)
+            if attribute is None:
+                break
+            if not UsdShade.Output.IsOutput(attribute):
+                value = attribute.Get(self.time)
+                if value is not None:  # the same coordinates everywhere
+                    matrix = matrix @ np.array([[0, 0, value[0]], [0, 0, value[1]], [0, 0, 1.0]])
+                break
+            node = self._other(attribute.GetPrim())
+            kind = str(node.shader.GetIdAttr().Get() or "")
+            if kind == "UsdTransform2d":
+                matrix, name = matrix @ node.transform_2d(), "in"
+                continue
+            if kind.startswith("UsdPrimvarReader_"):
+                st = node.plain("fallback", (0.0, 0.0))
+                fallback = (float(st[0]), float(st[1])) if np.size(st) >= 2 else (0.0, 0.0)
+                return str(node.plain("varname", "") or "st"), _affine(matrix), fallback
+            reason = f"{{}} ({kind or 'no id'}) cannot give texture coordinates: st is used"
+            self.notes.add(reason, node.shader.GetPath())
+            break
+        return "st", _affine(matrix), (0.0, 0.0)
+
+    def transform_2d(self) -> np.ndarray:
+        """Returns the matrix (3, 3) of a UsdTransform2d: scale, then rotation (degrees), then translation."""
+        angle = math.radians(float(self.plain("rotation", 0.0)))
+        sx, sy = (float(x) for x in self.plain("scale", (1.0, 1.0)))
+        tx, ty = (float(x) for x in self.plain("translation", (0.0, 0.0)))
+        c, s = math.cos(angle), math.sin(angle)
+        return np.array([[c * sx, -s * sy, tx], [s * sx, c * sy, ty], [0.0, 0.0, 1.0]])
+
+
+def _constant(values: tuple[float, ...], color: Color, space: str) -> Input:
+    """Returns a constant input; colours of another space come into the working space."""
+    if len(values) != 3:
+        return constant(*values)
+    return color.to_working(np.asarray(values, np.float32)[None], space)[0]
+
+
+def color_space_of(attribute: Usd.Attribute) -> str:
+    """Returns the colour space of an authored colour: the attribute's, an ancestor's, else USD's default."""
+    return str(Usd.ColorSpaceAPI.ComputeColorSpaceName(attribute, None)) or USD_DEFAULT_SPACE
+
+
+def _four(value: Any) -> tuple[float, float, float, float]:
+    a, b, c, d = (float(x) for x in value)
+    return a, b, c, d
+
+
+def _affine(matrix: np.ndarray) -> Affine:
+    return tuple((float(r[0]), float(r[1]), float(r[2])) for r in matrix)

@@ -1,0 +1,159 @@
+"""Read: a stage at one frame -> Scene."""
+
+from __future__ import annotations
+
+import math
+import os
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import numpy as np
+from pxr import Pcp, Sdf, Tf, Usd, UsdGeom, UsdUtils
+
+from usdslf.color import USD_DEFAULT_SPACE, color_of
+from usdslf.errors import StageError
+from usdslf.scene import Material, Mesh, PrimvarInput, Scene, Texture
+from usdslf.usd.cameras import read_cameras
+from usdslf.usd.geometry import read_meshes
+from usdslf.usd.lights import read_lights
+from usdslf.usd.materials import MaterialTable
+from usdslf.usd.notes import Notes
+
+
+def open_stage(path: str | os.PathLike[str]) -> Usd.Stage:
+    """Opens a stage with everything loaded.
+
+    Raises:
+        StageError: missing, unreadable, or not USD.
+    """
+    name = os.fspath(path)
+    if os.path.isdir(name):
+        raise StageError(f"{name} is a folder, name a .usd, .usda, .usdc or .usdz file in it")
+    if os.path.exists(name) and not os.access(name, os.R_OK):
+        raise StageError(f"{name} cannot be read, check its rights")
+    if not os.path.exists(name) and not Sdf.Layer.Find(name):
+        raise StageError(f"{name} does not exist, check the path")
+    try:
+        with quiet_usd():
+            stage = Usd.Stage.Open(name, Usd.Stage.LoadAll)
+    except Tf.ErrorException as e:
+        raise StageError(f"{name} is not a readable USD file, export it again: {_reason(e)}") from None
+    if stage is None:
+        raise StageError(f"{name} is not a readable USD file, export it again")
+    return stage
+
+
+def time_code(stage: Usd.Stage, frame: float | None) -> Usd.TimeCode:
+    """Returns the time at which a stage is read.
+
+    Without a frame it is the stage's startTimeCode where one is authored, else the earliest time, which is
+    the default value of what is not animated.  nan, as `Scene.frame` has it, is the same as no frame.
+    """
+    if frame is not None and not math.isnan(frame):
+        return Usd.TimeCode(frame)
+    if stage.HasAuthoredMetadata("startTimeCode"):
+        return Usd.TimeCode(stage.GetStartTimeCode())
+    return Usd.TimeCode.EarliestTime()
+
+
+def read_scene(
+    stage_or_path: Usd.Stage | str | os.PathLike[str],
+    frame: float | None = None,
+    refine: int = 1,
+    ocio: str | None = None,
+) -> Scene:
+    """Reads a shot at one frame into numpy records.
+
+    Args:
+        stage_or_path: a stage, or a file to open.
+        frame: time code; None as `time_code` says.
+        refine: levels of subdivision of meshes that ask for it.
+        ocio: OpenColorIO config; None is $OCIO, else the built-in one.
+
+    Raises:
+        StageError: it cannot be opened, or holds no renderable geometry.
+        InputError: the OpenColorIO config cannot be used.
+    """
+    stage = stage_or_path if isinstance(stage_or_path, Usd.Stage) else open_stage(stage_or_path)
+    name = stage.GetRootLayer().realPath or stage.GetRootLayer().identifier
+    time = time_code(stage, frame)
+    color = color_of(ocio, working_space_of(stage))
+    notes, warnings = Notes(), composition_warnings(stage)
+    with quiet_usd():
+        table = MaterialTable(time, color, notes)
+        meshes = read_meshes(stage, time, table, refine, warnings)
+        lights = read_lights(stage, time, color, notes)
+        cameras = read_cameras(stage, time, notes)
+    if not any(len(m.triangles) for m in meshes):
+        reason = f": {warnings[0]}" if warnings else ""
+        raise StageError(f"{name} has no renderable geometry, check visibility, purpose and payloads{reason}")
+    meshes, materials = table.used(meshes)
+    _note_missing_primvars(meshes, materials, notes)
+    return Scene(
+        stage=name,
+        frame=math.nan if time.IsEarliestTime() or time.IsDefault() else time.GetValue(),
+        meshes=tuple(meshes),
+        materials=tuple(materials),
+        lights=tuple(lights),
+        cameras=tuple(cameras),
+        up_axis=str(UsdGeom.GetStageUpAxis(stage)),
+        meters_per_unit=UsdGeom.GetStageMetersPerUnit(stage),
+        warnings=tuple(dict.fromkeys([*warnings, *notes.sentences()])),
+        ocio=ocio or "",
+        working_space=color.working_space,
+    )
+
+
+def working_space_of(stage: Usd.Stage) -> str:
+    """Returns the rendering colour space of the stage's render settings, else USD's default."""
+    path = stage.GetMetadata("renderSettingsPrimPath") if stage.HasMetadata("renderSettingsPrimPath") else ""
+    settings = stage.GetPrimAtPath(path) if path else None
+    attribute = settings.GetAttribute("renderingColorSpace") if settings else None
+    return str((attribute.Get() if attribute else None) or USD_DEFAULT_SPACE)
+
+
+@contextmanager
+def quiet_usd() -> Iterator[None]:
+    """Keeps USD's own diagnostics off stderr; what matters of them is reported by name."""
+    delegate = UsdUtils.CoalescingDiagnosticDelegate()
+    try:
+        yield
+    finally:
+        delegate.TakeUncoalescedDiagnostics()
+        del delegate
+
+
+def composition_warnings(stage: Usd.Stage) -> list[str]:
+    """Returns a sentence for each composition error of a stage, naming prim and layer."""
+    sentences = []
+    for error in stage.GetCompositionErrors():
+        text = " ".join(str(error).split()).rstrip(".")
+        text = re.sub(r":SDF_FORMAT_ARGS:[^@]*", "", text)
+        site = getattr(error, "rootSite", None)
+        prim = str(site.path) if isinstance(site, Pcp.Site) else ""
+        place = f"{prim}: " if prim not in ("", "/") else ""
+        sentences.append(f"{place}{text}")
+    return list(dict.fromkeys(sentences))
+
+
+def _note_missing_primvars(meshes: list[Mesh], materials: list[Material], notes: Notes) -> None:
+    """Notes gprims without a primvar that their material reads."""
+    wanted = []
+    for material in materials:
+        values = [v for v in vars(material).values() if isinstance(v, Texture | PrimvarInput)]
+        textures = [v for v in values if isinstance(v, Texture) and any(any(r[:2]) for r in v.st_from_uv[:2])]
+        wanted.append(({t.uv_set for t in textures}, {v.name for v in values if isinstance(v, PrimvarInput)}))
+    for mesh in meshes:
+        for m in np.unique(mesh.material_of_triangle):
+            for name in sorted(wanted[m][0] - set(mesh.uvs)):
+                notes.add(f"no texture coordinates {name} on {{}}: its textures show one texel", mesh.path)
+            for name in sorted(wanted[m][1] - set(mesh.primvars)):
+                notes.add(f"no primvar {name} on {{}}: the reader's fallback is used", mesh.path)
+
+
+def _reason(error: Tf.ErrorException) -> str:
+    """Returns the first quoted reason of a USD error, as one line."""
+    quoted = re.findall(r"in file \S+ : '(.*?)'\s*(?:\n|$)", str(error), re.S)
+    text = quoted[0] if quoted else str(error)
+    return " ".join(text.split()).rstrip(".")
