@@ -1,0 +1,267 @@
+/* render.cl: the renderer's per-ray mathematics: low-discrepancy points, sampling and evaluation of all
+ * lobes of a surface, and the filter that removes what noise is left.
+ *
+ * Random numbers are Owen-scrambled points of Sobol's (0, 2)-sequence by hashing (Burley 2020): every
+ * aligned block of 2^m consecutive indices is stratified in both dimensions, so pixels that take
+ * neighbouring blocks complete each other (interleaved sampling, Keller and Heidrich 2001).
+ * GGX's visible normals are drawn as spherical caps (Dupuy and Benyoub 2023).
+ *
+ * A ray's five weights are the integrands of (X, Y, A, B, coat) of reflectance.cl.
+ */
+#include "reflectance.cl"
+
+#define WEIGHTS 5
+#define MIN_ALPHA 4e-4f /* sharper lobes drown in the rounding of half vectors */
+
+inline uint reverse_bits(uint x)
+{
+    x = (x << 16) | (x >> 16);
+    x = ((x & 0x00ff00ffu) << 8) | ((x & 0xff00ff00u) >> 8);
+    x = ((x & 0x0f0f0f0fu) << 4) | ((x & 0xf0f0f0f0u) >> 4);
+    x = ((x & 0x33333333u) << 2) | ((x & 0xccccccccu) >> 2);
+    return ((x & 0x55555555u) << 1) | ((x & 0xaaaaaaaau) >> 1);
+}
+
+inline uint hash(uint x)
+{
+    x ^= x >> 16; x *= 0x7feb352du; x ^= x >> 15; x *= 0x846ca68bu; x ^= x >> 16;
+    return x;
+}
+
+/* Owen's scrambling: each bit is flipped by a hash of the bits above it.  Laine and Karras 2011, Burley 2020 */
+inline uint scramble(uint x, uint seed)
+{
+    x = reverse_bits(x);
+    x ^= x * 0x3d20adeau;
+    x += seed;
+    x *= (seed >> 16) | 1u;
+    x ^= x * 0x05526c56u;
+    x ^= x * 0x53a22864u;
+    return reverse_bits(x);
+}
+
+/* point `index` of the sequence `seed` in [0, 1)^2 */
+inline float2 sobol(uint index, uint seed)
+{
+    uint s = hash(seed + 1u);
+    index = scramble(index, s);
+    uint y = 0u;
+    uint i = index;
+    for (uint v = 1u << 31; i != 0u; i >>= 1, v ^= v >> 1)
+        if (i & 1u) y ^= v;
+    uint x = scramble(reverse_bits(index), hash(s ^ 0x68bc21ebu));
+    y = scramble(y, hash(s ^ 0x02e5be93u));
+    return (float2)((float)(x >> 8), (float)(y >> 8)) * 0x1p-24f;
+}
+
+/* points (n, 2) of a sequence at given indices */
+__kernel void sequence_points(
+    const uint n,                  /* points */
+    const uint seed,               /* which sequence */
+    __global const uint *index,    /* (n) */
+    __global float *point)         /* (n, 2) out */
+{
+    size_t i = get_global_id(0);
+    if (i >= n) return;
+    vstore2(sobol(index[i], seed), i, point);
+}
+
+/* a normal that GGX shows to local eye e, drawn in proportion to how much it shows */
+inline float3 visible_normal(float alpha, float3 e, float2 u)
+{
+    float3 s = normalize((float3)(alpha * e.x, alpha * e.y, e.z));
+    float phi = 2.0f * PI_F * u.x;
+    float z = (1.0f - u.y) * (1.0f + s.z) - s.z;
+    float r = sqrt(clamp(1.0f - z * z, 0.0f, 1.0f));
+    float3 h = (float3)(r * cos(phi), r * sin(phi), z) + s;
+    return normalize((float3)(alpha * h.x, alpha * h.y, max(h.z, 1e-6f)));
+}
+
+/* D of a half vector, from its sine: exact for sharp lobes too */
+inline float ggx_of_half(float alpha, float3 h)
+{
+    float a2 = alpha * alpha;
+    float t = h.z * h.z * a2 + h.x * h.x + h.y * h.y;
+    return a2 / (PI_F * t * t);
+}
+
+/* density of l as the mirror of e about a visible normal h: D / (2 (e.z + Lambda)) */
+inline float visible_pdf(float alpha, float d, float ez)
+{
+    float a2 = alpha * alpha;
+    return d / (2.0f * (ez + sqrt(a2 + (1.0f - a2) * ez * ez)));
+}
+
+/* weights (5) of light direction l seen from e, and the density of the mixture of lobes that draws it.
+ * lobes: alpha, alpha of the coat, chance of the specular lobe, chance of the coat; coat: its strength, its F0.
+ * h: half vector. */
+inline float lobe_weights(float4 lobes, float2 coat, float3 e, float3 l, float3 h, float *w)
+{
+    float nl = l.z, ne = e.z;
+    for (int i = 0; i < WEIGHTS; i++) w[i] = 0.0f;
+    if (nl <= 0.0f) return 0.0f;
+    float eh = clamp(dot(e, h), 0.0f, 1.0f);
+    float f = pown(1.0f - eh, 5);
+    float d = ggx_of_half(lobes.x, h);
+    float dvc = d * smith_visibility(lobes.x, nl, ne) * nl;
+    float c = nl / PI_F;
+    w[0] = (1.0f - f) * c;
+    w[1] = f * c;
+    w[2] = (1.0f - f) * dvc;
+    w[3] = f * dvc;
+    float pdf = (1.0f - lobes.z - lobes.w) * c + lobes.z * visible_pdf(lobes.x, d, ne);
+    if (coat.x > 0.0f) {
+        float dc = ggx_of_half(lobes.y, h);
+        w[4] = coat.x * (coat.y + (1.0f - coat.y) * f) * dc * smith_visibility(lobes.y, nl, ne) * nl;
+        pdf += lobes.w * visible_pdf(lobes.y, dc, ne);
+    }
+    return pdf;
+}
+
+/* eye in the frame (t, b, n), kept above the horizon */
+inline float3 local_eye(float3 t, float3 b, float3 n, float3 v)
+{
+    float3 e = (float3)(dot(t, v), dot(b, v), max(dot(n, v), 1e-3f));
+    return normalize(e);
+}
+
+/* draws k directions at each of n points from the mixture of their lobes */
+__kernel void sample_lobes(
+    const uint n,                   /* points */
+    const uint k,                   /* directions of each point */
+    const uint seed,                /* sequence */
+    __global const uint *index,     /* (n) first index of each point in the sequence; it takes k of them */
+    __global const float *normal,   /* (n, 3) */
+    __global const float *view,     /* (n, 3) towards the viewer */
+    __global const float *lobes,    /* (n, 4) alpha, coat alpha, chance of specular, chance of coat */
+    __global const float *coat,     /* (n, 2) strength, F0 */
+    __global float *direction,      /* (n, k, 3) out: world */
+    __global float *pdf,            /* (n, k) out: 1/sr; 0 where below the horizon */
+    __global float *weight)         /* (n, k, 5) out: integrands over pdf */
+{
+    size_t i = get_global_id(0);
+    if (i >= (size_t)n * k) return;
+    size_t p = i / k;
+    float3 nn = load3(normal, p), t, b;
+    frame_about(nn, &t, &b);
+    float3 e = local_eye(t, b, nn, load3(view, p));
+    float4 lob = vload4(p, lobes);
+    float2 u = sobol(index[p] + (uint)(i % k), seed);
+    float3 l, h;
+    float first = lob.z, second = lob.z + lob.w;
+    if (u.x < second) {
+        int spec = u.x < first;
+        u.x = spec ? u.x / first : (u.x - first) / lob.w;
+        h = visible_normal(spec ? lob.x : lob.y, e, u);
+        l = 2.0f * dot(e, h) * h - e;
+    } else {
+        u.x = min((u.x - second) / (1.0f - second), 0.99999994f);
+        float r = sqrt(u.y), phi = 2.0f * PI_F * u.x;
+        l = (float3)(r * cos(phi), r * sin(phi), sqrt(max(1.0f - u.y, 0.0f)));
+        h = normalize(e + l);
+    }
+    float w[WEIGHTS];
+    float q = lobe_weights(lob, vload2(p, coat), e, l, h, w);
+    float3 world = l.x * t + l.y * b + l.z * nn;
+    store3(normalize(world), direction, i);
+    pdf[i] = q;
+    float scale = q > 0.0f ? 1.0f / q : 0.0f;
+    for (int c = 0; c < WEIGHTS; c++) weight[i * WEIGHTS + c] = w[c] * scale;
+}
+
+/* weights and density of given directions, one for each of n points */
+__kernel void evaluate_lobes(
+    const uint n,                   /* points */
+    __global const float *normal,   /* (n, 3) */
+    __global const float *view,     /* (n, 3) */
+    __global const float *lobes,    /* (n, 4) */
+    __global const float *coat,     /* (n, 2) */
+    __global const float *direction, /* (n, 3) towards the light */
+    __global float *pdf,            /* (n) out */
+    __global float *weight)         /* (n, 5) out: integrands */
+{
+    size_t i = get_global_id(0);
+    if (i >= n) return;
+    float3 nn = load3(normal, i), t, b;
+    frame_about(nn, &t, &b);
+    float3 e = local_eye(t, b, nn, load3(view, i));
+    float3 d = load3(direction, i);
+    float3 l = (float3)(dot(t, d), dot(b, d), dot(nn, d));
+    float w[WEIGHTS];
+    pdf[i] = lobe_weights(vload4(i, lobes), vload2(i, coat), e, l, normalize(e + l), w);
+    for (int c = 0; c < WEIGHTS; c++) weight[i * WEIGHTS + c] = w[c];
+}
+
+/* Filters demodulated illumination over a window of the picture's samples and gives it back its colours.
+ *
+ * In a window of the size of the interleaving tile every sample of the set occurs once, so a box is the right
+ * shape: flat areas come out without any noise.  A neighbour counts where it shows the same material, lies in
+ * the same plane and looks the same way; for specular light, where its mirror direction differs by less
+ * than the lobe is wide, so that sharp reflections stay sharp.
+ *
+ * features (12): plane position 3, normal 3, mirror direction 3, alpha, tolerance of the plane, class (negative: empty)
+ * Illumination has C columns of three: X, Y, A, B, coat, for two groups with windows of their own.
+ */
+#define FEATURES 12
+#define COLUMNS 5
+
+inline void filter_group(
+    const int width, const int height, const int x, const int y, const int window,
+    __global const float *features, __global const float *light, float lobe_share,
+    float normal_cosine, float3 *sum)
+{
+    size_t p = (size_t)y * width + x;
+    __global const float *a = features + p * FEATURES;
+    float3 at = vload3(0, a), n = vload3(0, a + 3), r = vload3(0, a + 6);
+    float wide = lobe_share * a[9], plane = a[10], kind = a[11];
+    float diffuse_count = 0.0f, specular_count = 0.0f;
+    float3 s[COLUMNS];
+    for (int c = 0; c < COLUMNS; c++) s[c] = (float3)(0.0f);
+    int half_low = window / 2, half_high = window - 1 - half_low;
+    int x0 = max(x - half_low, 0), x1 = min(x + half_high, width - 1);
+    int y0 = max(y - half_low, 0), y1 = min(y + half_high, height - 1);
+    for (int v = y0; v <= y1; v++)
+        for (int u = x0; u <= x1; u++) {
+            size_t q = (size_t)v * width + u;
+            __global const float *b = features + q * FEATURES;
+            if (b[11] != kind) continue;
+            float3 m = vload3(0, b + 3);
+            if (q != p && (fabs(dot(vload3(0, b) - at, n)) > plane || dot(m, n) < normal_cosine)) continue;
+            __global const float *l = light + q * (3 * COLUMNS);
+            s[0] += vload3(0, l);
+            s[1] += vload3(1, l);
+            diffuse_count += 1.0f;
+            float3 off = vload3(0, b + 6) - r;
+            if (q != p && (dot(off, off) > wide * wide || fabs(b[9] - a[9]) > 0.15f * a[9])) continue;
+            s[2] += vload3(2, l);
+            s[3] += vload3(3, l);
+            s[4] += vload3(4, l);
+            specular_count += 1.0f;
+        }
+    float d = 1.0f / max(diffuse_count, 1.0f), g = 1.0f / max(specular_count, 1.0f);
+    sum[0] = s[0] * d; sum[1] = s[1] * d;
+    sum[2] = s[2] * g; sum[3] = s[3] * g; sum[4] = s[4] * g;
+}
+
+__kernel void filter_light(
+    const int width, const int height,  /* of the picture in samples */
+    const int window,                   /* samples on a side */
+    const float lobe_share,             /* how far mirror directions may differ, in alphas */
+    const float normal_cosine,          /* how far normals may differ */
+    __global const float *features,     /* (height, width, 12) */
+    __global const float *colors,       /* (height, width, 9) d, F0, F90 */
+    __global const float *light,        /* (height, width, 15) X, Y, A, B, coat */
+    __global float *radiance)           /* (height, width, 3) out */
+{
+    int x = get_global_id(0), y = get_global_id(1);
+    if (x >= width || y >= height) return;
+    size_t p = (size_t)y * width + x;
+    if (features[p * FEATURES + 11] < 0.0f) {
+        store3((float3)(0.0f), radiance, p);
+        return;
+    }
+    float3 s[COLUMNS];
+    filter_group(width, height, x, y, window, features, light, lobe_share, normal_cosine, s);
+    float3 d = load3(colors, 3 * p), f0 = load3(colors, 3 * p + 1), f90 = load3(colors, 3 * p + 2);
+    store3(d * ((1.0f - f0) * s[0] + (1.0f - f90) * s[1]) + f0 * s[2] + f90 * s[3] + s[4], radiance, p);
+}

@@ -1,0 +1,98 @@
+"""Rays of a camera, and where points land in its picture.
+
+The film follows UsdGeomCamera: apertures and focal length in one unit, the window about the aperture
+offset.  Where the picture's shape differs from the aperture's, the shorter side is widened (UsdRender's
+`expandAperture`), so that all that the camera frames is seen.  Picture coordinates run over 0..1 with
+the origin at the top left.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from usdslf.scene import F32, Camera
+
+APERTURE_UNIT = 0.1  # stage units in one unit of aperture of an orthographic camera (GfCamera::APERTURE_UNIT)
+
+
+@dataclass(frozen=True)
+class CameraRays:
+    """n rays from the near plane of a camera."""
+
+    origin: F32  # (n, 3) on the near plane
+    direction: F32  # (n, 3) unit
+    limit: F32  # (n,) distance of the far plane, inf without one
+    near: F32  # (n,) distance from the eye to the origin
+
+
+def film_window(camera: Camera, aspect: float) -> tuple[float, float, float, float]:
+    """Returns left, right, bottom and top of the film for a picture of width / height = `aspect`.
+
+    In units of the aperture for perspective, of the stage for orthographic cameras.
+    """
+    width = max(camera.horizontal_aperture, camera.vertical_aperture * aspect)
+    height = width / aspect
+    x, y = camera.horizontal_offset, camera.vertical_offset
+    unit = 1.0 if camera.perspective else APERTURE_UNIT
+    return (x - width / 2) * unit, (x + width / 2) * unit, (y - height / 2) * unit, (y + height / 2) * unit
+
+
+def camera_rays(camera: Camera, at: ArrayLike, aspect: float) -> CameraRays:
+    """Makes the rays through points of the picture.
+
+    Args:
+        camera: perspective or orthographic.
+        at: (n, 2) picture coordinates in 0..1, origin top left.
+        aspect: width / height of the picture.
+    """
+    at = np.asarray(at, np.float64).reshape(-1, 2)
+    left, right, bottom, top = film_window(camera, aspect)
+    x, y = left + at[:, 0] * (right - left), top + at[:, 1] * (bottom - top)
+    axes, eye = camera.world_from_camera[:3, :3], camera.world_from_camera[:3, 3]
+    near, far = max(camera.near, 0.0), max(camera.far, 0.0)
+    if camera.perspective:
+        local = np.stack([x, y, np.full_like(x, -camera.focal_length)], -1)
+        length = np.linalg.norm(local, axis=1)
+        per_depth = length / camera.focal_length  # distance along the ray for one unit of depth
+        direction = (local / length[:, None]) @ axes.T
+        start = np.broadcast_to(eye, direction.shape)
+    else:
+        per_depth = np.ones_like(x)
+        direction = np.broadcast_to(-axes[:, 2], (len(x), 3))
+        start = eye + np.stack([x, y], -1) @ axes[:, :2].T
+    skipped = per_depth * near
+    with np.errstate(invalid="ignore"):
+        limit = per_depth * far - skipped if np.isfinite(far) else np.full_like(x, np.inf)
+    return CameraRays(
+        (start + skipped[:, None] * direction).astype(np.float32),
+        direction.astype(np.float32),
+        limit.astype(np.float32),
+        skipped.astype(np.float32),
+    )
+
+
+def project_points(camera: Camera, points: ArrayLike, aspect: float) -> tuple[NDArray, NDArray]:
+    """Returns where world points land: picture coordinates (n, 2) and depth (n,) in front of the eye.
+
+    Points at or behind the eye of a perspective camera give nan.
+    """
+    axes, eye = camera.world_from_camera[:3, :3], camera.world_from_camera[:3, 3]
+    local = (np.asarray(points, np.float64).reshape(-1, 3) - eye) @ axes
+    left, right, bottom, top = film_window(camera, aspect)
+    depth = -local[:, 2]
+    xy = local[:, :2]
+    if camera.perspective:
+        xy = xy * (camera.focal_length / np.where(depth > 0, depth, np.nan))[:, None]
+    at = np.stack([(xy[:, 0] - left) / (right - left), (xy[:, 1] - top) / (bottom - top)], -1)
+    return at, depth
+
+
+def pixel_size(camera: Camera, distance: NDArray, size: tuple[int, int]) -> NDArray:
+    """Returns the width of a pixel's footprint at some distance from the eye, across the ray [stage units]."""
+    left, right, _, _ = film_window(camera, size[0] / size[1])
+    if camera.perspective:
+        return np.asarray(distance) * ((right - left) / size[0] / camera.focal_length)
+    return np.full(np.shape(distance), (right - left) / size[0])

@@ -1,0 +1,376 @@
+"""Final gathering: the light that arrives at surface points, split so that colours can be taken out of it.
+
+    L_o = d [(1 - F0) X + (1 - F90) Y] + F0 A + F90 B + coat      (columns of usdslf/reflectance.py)
+
+X, Y, A, B and the coat's light are gathered with rays.  Lights and domes are sampled and met by rays drawn from
+the surface's lobes, combined by the balance heuristic (Veach and Guibas 1995).  A ray that meets a surface
+takes the radiance of the light field there, unless its footprint is smaller than the light field resolves:
+then the point it met is lit in its own right, with one more ray onwards.  So sharp reflections show
+full detail, corners get no leaks, and no path is long enough to be noisy.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usdslf.gpu.device import Device
+from usdslf.light_set import Arrival, LightSet, Source, luminance
+from usdslf.scene import F32, I32, Scene
+from usdslf.surface import SurfacePoints, evaluate_surface
+from usdslf.visibility import Hits, RayTracer
+
+WEIGHTS = 5  # X, Y, A, B, coat
+MIN_ALPHA = 4e-4  # kernels/render.cl
+FOOTPRINT = 12.0  # element areas that a ray's footprint must cover for the light field to be good enough
+SHARP_PDF = 8.0  # [1/sr] density from which on a ray counts as a reflection
+CAUSTIC_ROUGHNESS = 0.3  # smoother surfaces are not followed by rays of wide lobes: that is what fireflies are
+MAX_DEPTH = 6  # surfaces followed after the first
+
+
+class RadianceOfHits(Protocol):
+    """What a light field answers."""
+
+    def radiance_from_hits(self, triangle: NDArray, barycentric: NDArray, direction: NDArray) -> NDArray: ...
+
+
+@dataclass(frozen=True)
+class ShadingPoints:
+    """n points as seen from somewhere, normals on the side of the viewer."""
+
+    position: F32  # (n, 3)
+    origin: F32  # (n, 3) off the surface, where rays start
+    geometric_normal: F32  # (n, 3)
+    normal: F32  # (n, 3)
+    view: F32  # (n, 3) unit, towards the viewer
+    lobes: F32  # (n, 4) alpha, alpha of the coat, chance of the specular lobe, chance of the coat
+    coat: F32  # (n, 2) strength, F0
+    colors: F32  # (n, 9) d, F0, F90
+    emission: F32  # (n, 3)
+
+    def __len__(self) -> int:
+        return len(self.position)
+
+    def __getitem__(self, rows: Any) -> ShadingPoints:
+        return ShadingPoints(**{f.name: getattr(self, f.name)[rows] for f in fields(self)})
+
+
+@dataclass(frozen=True)
+class Illumination:
+    """Demodulated light at n points: columns (n, 5, 3), and radiance that needs no filter (n, 3)."""
+
+    direct: F32  # (n, 5, 3) from lights and domes
+    indirect: F32  # (n, 5, 3) from surfaces
+    exact: F32  # (n, 3) reflected from lights without extent, which have no noise
+
+
+def shading_points(surface: SurfacePoints, view: F32, tracer: RayTracer) -> ShadingPoints:
+    """Turns surface points to their viewer.
+
+    A shading normal that points away from the viewer is bent until it is seen just so, and the chance of each lobe
+    is set by what it reflects.
+    """
+    side = np.where((surface.geometric_normal * view).sum(1, keepdims=True) < 0, np.float32(-1), np.float32(1))
+    geometric, normal = surface.geometric_normal * side, surface.normal * side
+    facing = (normal * view).sum(1)
+    least = np.minimum(0.02, np.maximum((geometric * view).sum(1), 1e-3))
+    lift = np.maximum(least - facing, 0)
+    normal = normal + (1.5 * lift)[:, None] * view
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
+    cosine = np.clip((normal * view).sum(1), 0, 1)
+    f = ((1 - cosine) ** 5)[:, None]
+    specular = luminance(surface.f0 + (surface.f90 - surface.f0) * f)
+    diffuse = luminance(surface.diffuse)
+    share = np.clip(specular / np.maximum(specular + diffuse, 1e-6), 0.2, 0.85)
+    share = np.where(diffuse > 1e-4 * specular, share, 1)
+    coat_share = 0.25 * surface.clearcoat
+    alpha = np.maximum(surface.roughness**2, MIN_ALPHA)
+    coat_alpha = np.maximum(surface.clearcoat_roughness**2, MIN_ALPHA)
+    lobes = np.stack([alpha, coat_alpha, share * (1 - coat_share), coat_share], -1)
+    return ShadingPoints(
+        position=surface.position,
+        origin=tracer.offset_points(surface.position, geometric, surface.triangle),
+        geometric_normal=geometric.astype(np.float32),
+        normal=normal.astype(np.float32),
+        view=np.ascontiguousarray(view, np.float32),
+        lobes=lobes.astype(np.float32),
+        coat=np.stack([surface.clearcoat, surface.coat_f0], -1).astype(np.float32),
+        colors=np.concatenate([surface.diffuse, surface.f0, surface.f90], -1).astype(np.float32),
+        emission=surface.emission,
+    )
+
+
+def reflect(colors: F32, columns: F32) -> F32:
+    """Returns the radiance (n, 3) that surfaces of colours (n, 9) make of light columns (n, 5, 3)."""
+    d, f0, f90 = colors[:, :3], colors[:, 3:6], colors[:, 6:]
+    x, y, a, b, coat = (columns[:, i] for i in range(WEIGHTS))
+    return d * ((1 - f0) * x + (1 - f90) * y) + f0 * a + f90 * b + coat
+
+
+class Gatherer:
+    """Gathers light at points of one scene."""
+
+    def __init__(
+        self,
+        scene: Scene,
+        tracer: RayTracer,
+        lights: LightSet,
+        light_field: RadianceOfHits | None,
+        device: Device,
+        element_area: float,
+        depth: int = MAX_DEPTH,
+        footprint: float = FOOTPRINT,
+    ) -> None:
+        """Keeps what rays need.
+
+        Args:
+            light_field: gives the radiance of surfaces; None: surfaces that are not followed are black.
+            element_area: mean area that one element of the light field stands for [stage units squared].
+            depth: surfaces that a path may be followed to before the light field is asked in any case.
+            footprint: in element areas; inf follows every path to `depth`: a plain path tracer.
+        """
+        self.scene, self.tracer, self.lights, self.light_field = scene, tracer, lights, light_field
+        self.device, self.element_area, self.depth, self.footprint = device, element_area, depth, footprint
+        low, high = scene.bounds
+        self.center = ((low + high) / 2).astype(np.float32)
+        self._sequence = device.kernel("render", "sequence_points")
+        self._sample = device.kernel("render", "sample_lobes")
+        self._evaluate = device.kernel("render", "evaluate_lobes")
+
+    # ── the two kernels ──────────────────────────────────────────────────────────────────────────
+
+    def sequence(self, index: NDArray[np.uint32], seed: int) -> F32:
+        """Returns points (n, 2) of the unit square."""
+        d, n = self.device, len(index)
+        if n == 0:
+            return np.zeros((0, 2), np.float32)
+        out = d.empty((n, 2), np.float32)
+        self._sequence((n,), None, np.uint32(n), np.uint32(seed), d.upload(index.astype(np.uint32)), out)
+        return d.download(out)
+
+    def sample_lobes(
+        self, p: ShadingPoints, index: NDArray[np.uint32], k: int, seed: int
+    ) -> tuple[F32, F32, F32]:
+        """Draws k directions at each point: direction (n, k, 3), pdf (n, k), weight over pdf (n, k, 5)."""
+        d, n = self.device, len(p)
+        if n == 0:
+            return np.zeros((0, k, 3), np.float32), np.zeros((0, k), np.float32), np.zeros((0, k, 5), np.float32)
+        direction, pdf = d.empty((n, k, 3), np.float32), d.empty((n, k), np.float32)
+        weight = d.empty((n, k, WEIGHTS), np.float32)
+        up = [d.upload(a) for a in (index.astype(np.uint32), p.normal, p.view, p.lobes, p.coat)]
+        sizes = np.uint32(n), np.uint32(k), np.uint32(seed)
+        self._sample((n * k,), None, *sizes, *up, direction, pdf, weight)
+        return d.download(direction), d.download(pdf), d.download(weight)
+
+    def evaluate_lobes(self, p: ShadingPoints, direction: F32) -> tuple[F32, F32]:
+        """Returns pdf (n,) and weights (n, 5) of one direction for each point."""
+        d, n = self.device, len(p)
+        if n == 0:
+            return np.zeros(0, np.float32), np.zeros((0, WEIGHTS), np.float32)
+        pdf, weight = d.empty((n,), np.float32), d.empty((n, WEIGHTS), np.float32)
+        up = [d.upload(a) for a in (p.normal, p.view, p.lobes, p.coat, direction)]
+        self._evaluate((n,), None, np.uint32(n), *up, pdf, weight)
+        return d.download(pdf), d.download(weight)
+
+    # ── the first surface ────────────────────────────────────────────────────────────────────────
+
+    def gather(
+        self, p: ShadingPoints, index: NDArray[np.uint32], rays: int, light_samples: int, seed: int = 0
+    ) -> Illumination:
+        """Gathers at points with `rays` rays each and `light_samples` samples of each source.
+
+        Args:
+            index: (n,) place of each point in the interleaving tile: its samples are `index * rays` and following.
+        """
+        n = len(p)
+        direct = np.zeros((n, WEIGHTS, 3), np.float32)
+        indirect = np.zeros((n, WEIGHTS, 3), np.float32)
+        exact = np.zeros((n, 3), np.float32)
+        for s, source in enumerate(self.lights.sources):
+            count = 1 if source.is_delta else light_samples
+            for j in range(count):
+                u = self.sequence(index * np.uint32(count) + np.uint32(j), 1000 + seed + s)
+                arrival = source.sample(p.position, u)
+                weight, rest = self._weigh(p, arrival, source, count / rays)
+                if source.is_delta:
+                    exact += reflect(p.colors, weight[:, :, None] * rest[:, None])
+                else:
+                    direct += weight[:, :, None] * (rest / count)[:, None]
+        direction, pdf, weight = self.sample_lobes(p, index * np.uint32(rays), rays, seed)
+        alive = np.flatnonzero((pdf > 0).reshape(-1))
+        point = alive // rays
+        direction, pdf = direction.reshape(-1, 3)[alive], pdf.reshape(-1)[alive]
+        chosen = np.full((len(alive), len(self.lights.sources)), light_samples / rays, np.float32)
+        order = index[point] * np.uint32(rays) + (alive % rays).astype(np.uint32)
+        lit, bounced = self._incoming(
+            p.origin[point], p.geometric_normal[point], direction, pdf, chosen, order, 1, pdf, seed
+        )
+        wide = np.zeros((n * rays, 2, 3), np.float32)
+        wide[alive, 0], wide[alive, 1] = lit, bounced
+        wide = wide.reshape(n, rays, 2, 3)
+        sums = np.einsum("nkw,nkgc->ngwc", weight, wide) / np.float32(rays)
+        direct += sums[:, 0]
+        indirect += sums[:, 1]
+        return Illumination(direct, indirect, exact)
+
+    # ── lights ───────────────────────────────────────────────────────────────────────────────────
+
+    def _weigh(
+        self, p: ShadingPoints, arrival: Arrival, source: Source, ratio: NDArray | float
+    ) -> tuple[F32, F32]:
+        """Returns lobe weights (n, 5) and radiance over density (n, 3) of sampled light, shadows included.
+
+        `ratio`: light samples for one ray of the lobes.
+        """
+        n = len(p)
+        useful = (arrival.pdf > 0) & (arrival.radiance.max(1) > 0)
+        above = (p.normal * arrival.direction).sum(1) > 0
+        above &= (p.geometric_normal * arrival.direction).sum(1) > 0
+        rows = np.flatnonzero(useful & above)
+        q = p[rows]
+        direction, distance = arrival.direction[rows], arrival.distance[rows]
+        blocked = self.tracer.occluded(q.origin, direction, distance * np.float32(1 - 1e-4))
+        rows, q, direction = rows[~blocked], q[~blocked], direction[~blocked]
+        lobe_pdf, lobe_weight = self.evaluate_lobes(q, direction)
+        lobe_weight *= np.float32([source.diffuse] * 2 + [source.specular] * 3)
+        density = arrival.pdf[rows]
+        if arrival.is_delta or source.is_split:
+            share = np.ones_like(density)
+        else:
+            sampled = density * (ratio if isinstance(ratio, float) else ratio[rows])
+            share = sampled / (sampled + lobe_pdf)
+        weight, radiance = np.zeros((n, WEIGHTS), np.float32), np.zeros((n, 3), np.float32)
+        weight[rows] = lobe_weight
+        radiance[rows] = arrival.radiance[rows] * (share / density)[:, None]
+        return weight, radiance
+
+    def _lights_met(
+        self, origin: F32, direction: F32, pdf: F32, ratio: F32, met: Hits, mirrored: NDArray
+    ) -> F32:
+        """Returns what lights, domes and emissive surfaces send along rays (n, 3), weighted against their sampling.
+
+        `ratio` (n, sources): samples of each source for one ray.  Mirrored rays stand for directions in which nothing was sampled.
+        """
+        out = np.zeros((len(origin), 3), np.float32)
+
+        def add(rows: NDArray, radiance: F32, light_pdf: F32, s: int) -> None:
+            sampled = np.where(mirrored[rows], 0, light_pdf * ratio[rows, s])
+            out[rows] += radiance * (pdf[rows] / (pdf[rows] + sampled))[:, None]
+
+        for s, source in enumerate(self.lights.placed):
+            if source.is_delta or source.is_split:
+                continue
+            distance, radiance, light_pdf = source.intersect(origin, direction)
+            rows = np.flatnonzero((radiance.max(1) > 0) & (distance <= met.distance))
+            add(rows, radiance[rows] * np.float32(source.diffuse), light_pdf[rows], s)
+        first = len(self.lights.placed)
+        escaped = np.flatnonzero(met.triangle < 0)
+        for s, dome in enumerate(self.lights.domes, first):
+            if not dome.is_split:
+                d = direction[escaped]
+                add(escaped, dome.dome.radiance(d, None) * np.float32(dome.diffuse), dome.dome.pdf(d), s)
+        emissive = self.lights.emissive
+        if len(emissive.triangle):
+            rows = np.flatnonzero(met.triangle >= 0)
+            rows = rows[emissive.emits[met.triangle[rows]]]
+            triangle = met.triangle[rows]
+            radiance = emissive.emission(triangle, met.barycentric[rows])
+            light_pdf = emissive.pdf(triangle, direction[rows], met.distance[rows])
+            add(rows, radiance, light_pdf, len(self.lights.sources) - 1)
+        return out
+
+    # ── rays ─────────────────────────────────────────────────────────────────────────────────────
+
+    def _incoming(
+        self,
+        origin: F32,
+        geometric_normal: F32,
+        direction: F32,
+        pdf: F32,
+        ratio: F32,
+        index: NDArray[np.uint32],
+        depth: int,
+        least_pdf: F32,
+        seed: int,
+    ) -> tuple[F32, F32]:
+        """Returns the radiance that arrives along rays: from lights (n, 3) and from surfaces (n, 3)."""
+        below = (geometric_normal * direction).sum(1)
+        mirrored = below < 0  # seen by the shading normal only: folded up, else bumps would be black
+        direction = np.where(mirrored[:, None], direction - 2 * below[:, None] * geometric_normal, direction)
+        met = self.tracer.intersect(origin, direction)
+        lit = self._lights_met(origin, direction, pdf, ratio, met, mirrored)
+        bounced = np.zeros_like(lit)
+        rows = np.flatnonzero(met.triangle >= 0)
+        if not len(rows):
+            return lit, bounced
+        triangle, barycentric, distance = met.triangle[rows], met.barycentric[rows], met.distance[rows]
+        d = direction[rows]
+        cosine = np.abs((self.scene.triangles.face_normals[triangle] * d).sum(1))
+        footprint = distance**2 / np.maximum(pdf[rows] * np.maximum(cosine, 0.05), 1e-6)
+        follow = footprint < self.footprint * self.element_area
+        if depth > self.depth:
+            follow[:] = False
+        at = np.flatnonzero(follow)
+        if len(at):
+            surface = evaluate_surface(self.scene, triangle[at], barycentric[at])
+            if np.isfinite(self.footprint):
+                caustic = (surface.roughness < CAUSTIC_ROUGHNESS) & (least_pdf[rows[at]] < SHARP_PDF)
+                follow[at[caustic]] = False
+                keep = np.flatnonzero(~caustic)
+                at = at[keep]
+                surface = take_points(surface, keep)
+            q = shading_points(surface, -d[at], self.tracer)
+            out = self._outgoing(q, index[rows[at]], depth, least_pdf[rows[at]], seed)
+            # a ray is stopped here with the probability `opacity`; what is reflected is not scaled by that
+            bounced[rows[at]] = out * (surface.presence / np.maximum(surface.opacity, 0.05))[:, None]
+        rest = np.flatnonzero(~follow)
+        if len(rest) and self.light_field is not None:
+            value = self.light_field.radiance_from_hits(triangle[rest], barycentric[rest], d[rest])
+            value = np.array(value, np.float32)
+            emissive = self.lights.emissive
+            if len(emissive.triangle):  # their own light was counted above
+                shining = np.flatnonzero(emissive.emits[triangle[rest]])
+                own = emissive.emission(triangle[rest[shining]], barycentric[rest[shining]])
+                value[shining] = np.maximum(value[shining] - own, 0)
+            bounced[rows[rest]] = value
+        return lit, bounced
+
+    def _outgoing(
+        self, p: ShadingPoints, index: NDArray[np.uint32], depth: int, least_pdf: F32, seed: int
+    ) -> F32:
+        """Returns the reflected radiance (n, 3) of points on the way: one sample of one source, one ray onwards."""
+        n = len(p)
+        out = np.zeros((n, 3), np.float32)
+        stream = seed + 100 * depth
+        chances = np.zeros((n, 0), np.float32)
+        if self.lights.sources:
+            chances = self.lights.chances(p.position)
+            u = self.sequence(index, stream + 1)
+            pick = (np.cumsum(chances, 1) < u[:, :1]).sum(1)
+            pick = np.minimum(pick, len(self.lights.sources) - 1)
+            u = self.sequence(index, stream + 2)
+            for s, source in enumerate(self.lights.sources):
+                rows = np.flatnonzero(pick == s)
+                if not len(rows):
+                    continue
+                q, chance = p[rows], chances[rows, s]
+                arrival = source.sample(q.position, u[rows])
+                weight, radiance = self._weigh(q, arrival, source, chance)
+                out[rows] += reflect(q.colors, weight[:, :, None] * (radiance / chance[:, None])[:, None])
+        direction, pdf, weight = self.sample_lobes(p, index, 1, stream + 3)
+        rows = np.flatnonzero(pdf[:, 0] > 0)
+        q, pdf = p[rows], pdf[rows, 0]
+        least = np.minimum(least_pdf[rows], pdf)
+        lit, bounced = self._incoming(
+            q.origin, q.geometric_normal, direction[rows, 0], pdf, chances[rows], index[rows], depth + 1, least, seed
+        )
+        out[rows] += reflect(q.colors, weight[rows, 0, :, None] * (lit + bounced)[:, None])
+        return out
+
+
+def take_points(surface: SurfacePoints, rows: I32 | NDArray) -> SurfacePoints:
+    """Returns some of the points."""
+    return SurfacePoints(**{f.name: getattr(surface, f.name)[rows] for f in fields(surface)})

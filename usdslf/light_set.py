@@ -1,0 +1,282 @@
+"""All that shines in a scene, behind one interface for rays: lights, domes, emissive surfaces.
+
+Every source can be sampled (a direction towards it, with its density) and met by a ray (its radiance and the
+density with which sampling would have chosen that ray), which is what multiple importance sampling needs.
+Lights do not hide what is behind them, except from the camera.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usdslf.dome import Dome
+from usdslf.lights import intersect_light, is_delta, sample_light
+from usdslf.scene import F32, I32, Light, Scene
+from usdslf.surface import evaluate_surface
+
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
+
+Emission = Callable[[I32, F32], F32]
+"""triangle (n,), barycentric (n, 2) -> emitted radiance (n, 3)."""
+
+
+@dataclass(frozen=True)
+class Arrival:
+    """Light that would arrive at n points if nothing were in the way."""
+
+    direction: F32  # (n, 3) towards the light
+    distance: F32  # (n,) inf for what is infinitely far
+    radiance: F32  # (n, 3); delta: irradiance at normal incidence
+    pdf: F32  # (n,) [1/sr]; 0 where nothing arrives; delta: 1
+    is_delta: bool
+
+
+class Source(Protocol):
+    """Something that shines."""
+
+    diffuse: float
+    specular: float
+    is_delta: bool
+    is_split: bool  # diffuse and specular receive different shares: rays of the lobes cannot tell, so only sampled
+
+    def sample(self, points: F32, u: F32) -> Arrival: ...
+
+    def importance(self, points: F32) -> NDArray[np.float32]:
+        """A rough guess (n,) of the irradiance it brings, nothing in the way."""
+        ...
+
+
+def luminance(color: NDArray) -> NDArray[np.float32]:
+    """Returns the luminance of (..., 3) linear colours."""
+    return np.asarray(color, np.float32) @ LUMINANCE
+
+
+class LightSource:
+    """A UsdLux light with a place or a direction."""
+
+    def __init__(self, light: Light) -> None:
+        self.light = light
+        self.diffuse, self.specular = light.diffuse, light.specular
+        self.is_split = light.diffuse != light.specular
+        self.is_delta = is_delta(light)
+        m = light.world_from_light
+        self._center = m[:3, 3].astype(np.float32)
+        self._area = light_area(light)
+        self._power = float(luminance(np.asarray(light.radiance)))
+        self._towards = (m[:3, 2] / np.linalg.norm(m[:3, 2])).astype(np.float32)
+        self._cosine = np.float32(np.cos(min(light.angle / 2, np.pi)) - 1e-5)
+        extent = {
+            "rect": np.hypot(light.width, light.height) / 2,
+            "cylinder": np.hypot(light.length / 2, light.radius),
+        }.get(light.kind, light.radius)
+        self._reach = np.float32(1.001 * extent * np.linalg.norm(m[:3, :3], 2) + 1e-20)
+
+    def sample(self, points: F32, u: F32) -> Arrival:
+        s = sample_light(self.light, points, u)
+        return Arrival(s.direction, s.distance, s.radiance, s.pdf, self.is_delta)
+
+    def intersect(self, origins: F32, directions: F32) -> tuple[F32, F32, F32]:
+        """Returns distance (n,), radiance (n, 3) and pdf (n,) of the light along rays: inf, 0 and 0 where missed."""
+        n = len(origins)
+        distance, radiance = np.full(n, np.inf, np.float32), np.zeros((n, 3), np.float32)
+        pdf = np.zeros(n, np.float32)
+        if self.light.kind == "distant":
+            near = np.flatnonzero(directions @ self._towards >= self._cosine)
+        else:  # most rays pass the bounding sphere
+            to = self._center - origins
+            along = np.einsum("nk,nk->n", to, directions)
+            off = np.einsum("nk,nk->n", to, to) - along * along
+            near = np.flatnonzero((along > -self._reach) & (off <= self._reach**2))
+        if len(near):
+            distance[near], radiance[near], pdf[near] = intersect_light(self.light, origins[near], directions[near])
+        return distance, radiance, pdf
+
+    def importance(self, points: F32) -> NDArray[np.float32]:
+        if self.light.kind == "distant":
+            solid = 2 * np.pi * (1 - np.cos(min(self.light.angle / 2, np.pi / 2))) if self.light.angle > 0 else 1.0
+            return np.full(len(points), self._power * solid, np.float32)
+        d2 = ((points - self._center) ** 2).sum(1)
+        return (self._power * self._area / (d2 + self._area)).astype(np.float32)
+
+
+class DomeSource:
+    """A dome."""
+
+    is_delta = False
+
+    def __init__(self, light: Light) -> None:
+        self.dome = Dome.from_light(light)
+        self.diffuse, self.specular = light.diffuse, light.specular
+        self.is_split = light.diffuse != light.specular
+        grid = (np.arange(4096) + 0.5) / 4096  # Fibonacci's sphere
+        z, phi = 1 - 2 * grid, np.pi * (1 + 5**0.5) * np.arange(4096)
+        s = np.sqrt(1 - z * z)
+        all_around = np.stack([s * np.cos(phi), s * np.sin(phi), z], -1).astype(np.float32)
+        self._irradiance = float(luminance(self.dome.radiance(all_around, None)).mean() * np.pi)
+
+    def sample(self, points: F32, u: F32) -> Arrival:
+        direction, radiance, pdf = self.dome.sample(u)
+        return Arrival(direction, np.full(len(points), np.inf, np.float32), radiance, pdf, False)
+
+    def importance(self, points: F32) -> NDArray[np.float32]:
+        return np.full(len(points), self._irradiance, np.float32)
+
+
+class EmissiveSurfaces:
+    """All triangles whose material emits; they shine to both sides."""
+
+    is_delta = is_split = False
+    diffuse = specular = 1.0
+
+    def __init__(self, scene: Scene, emission: Emission) -> None:
+        t = scene.triangles
+        self._triangles, self.emission = t, emission
+        may_emit = np.array(
+            [not isinstance(m.emissive_color, np.ndarray) or bool(m.emissive_color.max() > 0) for m in scene.materials],
+            bool,
+        )
+        chosen = np.flatnonzero(may_emit[t.material] & (t.areas > 0)) if len(t.material) else np.zeros(0, int)
+        power = np.zeros(len(chosen))
+        for corner in ((1 / 3, 1 / 3), (0.1, 0.1), (0.8, 0.1), (0.1, 0.8)):
+            at = np.broadcast_to(np.float32(corner), (len(chosen), 2))
+            if len(chosen):
+                power += luminance(emission(chosen.astype(np.int32), at)) / 4
+        power = np.maximum(power * t.areas[chosen], 0)
+        keep = power > 0
+        self.triangle = chosen[keep].astype(np.int32)
+        power = power[keep]
+        self.flux = float(power.sum())
+        chance = power / max(self.flux, 1e-30)
+        self._cumulative = np.cumsum(chance)
+        self._pdf_area = np.zeros(len(t.material), np.float32)  # per triangle [1 / area]
+        self._pdf_area[self.triangle] = chance / t.areas[self.triangle]
+        self.emits = self._pdf_area > 0  # (T,)
+        if len(self.triangle):
+            corners = t.positions[self.triangle].reshape(-1, 3)
+            self._center = ((corners.min(0) + corners.max(0)) / 2).astype(np.float32)
+            self._size2 = float(t.areas[self.triangle].sum())
+
+    def sample(self, points: F32, u: F32) -> Arrival:
+        n = len(points)
+        pick = np.minimum(np.searchsorted(self._cumulative, u[:, 0], side="right"), len(self.triangle) - 1)
+        low = np.where(pick > 0, self._cumulative[pick - 1], 0)
+        first = np.clip((u[:, 0] - low) / (self._cumulative[pick] - low), 0, 1)
+        root = np.sqrt(first)
+        barycentric = np.stack([root * (1 - u[:, 1]), root * u[:, 1]], -1).astype(np.float32)
+        triangle = self.triangle[pick]
+        c = self._triangles.positions[triangle]
+        at = c[:, 0] + barycentric[:, :1] * (c[:, 1] - c[:, 0]) + barycentric[:, 1:] * (c[:, 2] - c[:, 0])
+        to = at - points
+        distance = np.sqrt((to * to).sum(1))
+        direction = to / np.maximum(distance, 1e-20)[:, None]
+        radiance = self.emission(triangle, barycentric)
+        pdf = self.pdf(triangle, direction, distance)
+        usable = (pdf > 0) & np.isfinite(pdf)
+        return Arrival(
+            direction.astype(np.float32),
+            distance.astype(np.float32),
+            np.where(usable[:, None], radiance, 0).astype(np.float32),
+            np.where(usable, pdf, 0).astype(np.float32).reshape(n),
+            False,
+        )
+
+    def pdf(self, triangle: I32, direction: F32, distance: F32) -> NDArray[np.float32]:
+        """Returns with which density (n,) [1/sr] sampling chooses points that rays hit."""
+        cosine = np.abs((self._triangles.face_normals[triangle] * direction).sum(1))
+        return self._pdf_area[triangle] * distance**2 / np.maximum(cosine, 1e-6)
+
+    def importance(self, points: F32) -> NDArray[np.float32]:
+        d2 = ((points - self._center) ** 2).sum(1)
+        return (self.flux / (d2 + self._size2)).astype(np.float32)
+
+
+class SurfaceEmission:
+    """What surfaces emit; a table look-up where no texture says it."""
+
+    def __init__(self, scene: Scene) -> None:
+        self._scene = scene
+        constants = [m.emissive_color for m in scene.materials]
+        self._is_constant = np.array([isinstance(c, np.ndarray) for c in constants], bool)
+        self._table = np.array(
+            [np.broadcast_to(c, 3) if isinstance(c, np.ndarray) else np.zeros(3) for c in constants], np.float32
+        ).reshape(-1, 3)
+
+    def __call__(self, triangle: I32, barycentric: F32) -> F32:
+        material = self._scene.triangles.material[triangle]
+        out = self._table[material]
+        read = np.flatnonzero(~self._is_constant[material])
+        if len(read):
+            surface = evaluate_surface(self._scene, triangle[read], barycentric[read], normal_maps=False)
+            out[read] = surface.emission
+        return out
+
+
+class LightSet:
+    """All sources of a scene."""
+
+    def __init__(self, scene: Scene, lights: Sequence[Light]) -> None:
+        """Gathers the sources.
+
+        Args:
+            scene: whose emissive surfaces shine.
+            lights: UsdLux lights, or the default ones.
+        """
+        lit = [light for light in lights if max(light.radiance) > 0]
+        self.placed = [LightSource(light) for light in lit if light.kind != "dome"]
+        self.domes = [DomeSource(light) for light in lit if light.kind == "dome"]
+        self.emissive = EmissiveSurfaces(scene, SurfaceEmission(scene))
+        self.sources: list[Source] = [*self.placed, *self.domes]
+        if len(self.emissive.triangle):
+            self.sources.append(self.emissive)
+
+    def background(self, directions: F32, solid_angle: float | None = None) -> F32:
+        """Returns the radiance (n, 3) of all domes in directions where rays escape."""
+        out = np.zeros((len(directions), 3), np.float32)
+        for source in self.domes:
+            out += source.dome.radiance(directions, solid_angle)
+        return out
+
+    def seen(self, origins: F32, directions: F32, limit: F32) -> tuple[F32, F32]:
+        """Returns distance (n,) and radiance (n, 3) of the nearest light before `limit`, inf and 0 where none is."""
+        nearest = np.full(len(origins), np.inf, np.float32)
+        radiance = np.zeros((len(origins), 3), np.float32)
+        for source in self.placed:
+            if source.is_delta:
+                continue
+            distance, shone, _ = source.intersect(origins, directions)
+            wins = (distance < limit) & (distance < nearest)
+            if source.light.kind == "distant":  # infinitely far: where nothing else is met
+                wins = (shone.max(1) > 0) & ~np.isfinite(limit) & ~np.isfinite(nearest)
+            nearest = np.where(wins, distance, nearest)
+            radiance = np.where(wins[:, None], shone, radiance)
+        return nearest, radiance
+
+    def chances(self, points: F32) -> NDArray[np.float32]:
+        """Returns with which probability (n, sources) each source is worth a look from each point.
+
+        In proportion to a guess of its unshadowed irradiance, a fifth spread evenly.
+        """
+        guess = np.stack([s.importance(points) for s in self.sources], -1)
+        total = guess.sum(1, keepdims=True)
+        even = np.float32(1 / len(self.sources))
+        share = np.where(total > 0, guess / np.where(total > 0, total, 1), even)
+        return (0.8 * share + 0.2 * even).astype(np.float32)
+
+
+def light_area(light: Light) -> float:
+    """Returns the area of a light that can be seen at once, scale included [stage units squared]."""
+    m = light.world_from_light[:3, :3]
+    if light.kind in ("rect", "disk"):
+        scale = float(np.linalg.norm(np.cross(m[:, 0], m[:, 1])))
+        return scale * (light.width * light.height if light.kind == "rect" else np.pi * light.radius**2)
+    scale = float(abs(np.linalg.det(m))) ** (2 / 3)
+    if light.kind == "sphere":
+        return scale * np.pi * light.radius**2
+    if light.kind == "cylinder":
+        return scale * 2 * light.radius * light.length
+    return 1.0

@@ -1,0 +1,339 @@
+"""Pictures: direct and indirect light at full texture and normal-map detail.
+
+    rays -> surfaces -> demodulated light (final_gather.py) -> filter over the tile -> colours -> pixels
+
+Each pixel has `antialias`^2 samples.  Samples of a tile of 8 x 8 take different parts of one low-discrepancy set
+(interleaved sampling), and the filter of render.cl puts them together again where they see the same surface; what
+is filtered is light without the surface's colours, so textures stay.  The picture is worked on in bands, with
+a border that the filter needs, so memory does not grow with the picture.
+
+Source: Keller and Heidrich 2001; Wald et al. 2002; Scherzer et al. 2012 (radiance caching).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usdslf.camera_rays import camera_rays, pixel_size
+from usdslf.errors import InputError
+from usdslf.final_gather import Gatherer, Illumination, RadianceOfHits, ShadingPoints, shading_points
+from usdslf.gpu.device import Device
+from usdslf.light_set import LightSet
+from usdslf.scene import F32, Camera, Light, Scene
+from usdslf.surface import SurfacePoints, evaluate_surface
+from usdslf.visibility import RayTracer
+
+TILE = 8  # samples on a side that share one low-discrepancy set
+BAND = 300_000  # samples in a band
+LAYERS = 8  # see-through surfaces that a camera ray shows
+LOBE_SHARE = 1.0  # filter: mirror directions may differ by this many alphas
+NORMAL_COSINE = 0.95  # filter: normals may differ by 18 degrees
+AOVS = {
+    "color": 3, "direct": 3, "indirect": 3, "albedo": 3, "specular": 3, "roughness": 1, "emission": 3,
+    "normal": 3, "position": 3, "depth": 1, "material": 1, "mesh": 1, "alpha": 1,
+}  # fmt: skip
+"""Names and channels of what `render` can return; scene-linear, world space, stage units.  `material` and
+`mesh` are indices of the scene, -1 where nothing is seen; depth along the view axis, inf there."""
+
+
+@dataclass(frozen=True)
+class Quality:
+    """How much work goes into a picture."""
+
+    antialias: int = 2  # samples on a side of a pixel
+    rays: int = 4  # of each sample
+    light_samples: int = 2  # of each source, for each sample
+
+    @staticmethod
+    def of(samples: int) -> Quality:
+        """Makes a picture of about `samples` gathered rays a pixel; a power of two is best."""
+        if samples < 1:
+            raise InputError(f"a picture needs at least 1 sample a pixel, not {samples}")
+        antialias = 1 if samples < 8 else 2 if samples < 256 else 4
+        rays = max(1, samples // antialias**2)
+        return Quality(antialias, rays, max(1, rays // 2))
+
+
+def render(
+    scene: Scene,
+    camera: Camera,
+    size: tuple[int, int],
+    tracer: RayTracer,
+    light_field: RadianceOfHits | None,
+    lights: Sequence[Light],
+    device: Device,
+    samples: int = 16,
+    aovs: Sequence[str] = ("color",),
+    element_area: float | None = None,
+    elements: int = 10000,
+    hide_lights: bool = False,
+    depth: int | None = None,
+    footprint: float | None = None,
+    seed: int = 0,
+) -> dict[str, F32]:
+    """Renders a picture.
+
+    Args:
+        size: width and height [pixels].
+        light_field: radiance of surfaces met by gathered rays; None: black.
+        lights: the scene's, or the default ones.
+        samples: gathered rays a pixel.
+        aovs: names of AOVS.
+        element_area: of the light field's elements; default: the scene's area over `elements`.
+        hide_lights: lights are not seen by the camera (nor is the dome).
+        depth, footprint: see `Gatherer`.
+
+    Returns: name -> (height, width, channels).
+    """
+    state: dict[str, F32] = {}
+    for _, state in render_bands(
+        scene, camera, size, tracer, light_field, lights, device, samples, aovs, element_area, elements,
+        hide_lights, depth, footprint, seed,
+    ):  # fmt: skip
+        pass
+    return state
+
+
+def render_bands(
+    scene: Scene,
+    camera: Camera,
+    size: tuple[int, int],
+    tracer: RayTracer,
+    light_field: RadianceOfHits | None,
+    lights: Sequence[Light],
+    device: Device,
+    samples: int = 16,
+    aovs: Sequence[str] = ("color",),
+    element_area: float | None = None,
+    elements: int = 10000,
+    hide_lights: bool = False,
+    depth: int | None = None,
+    footprint: float | None = None,
+    seed: int = 0,
+) -> Iterator[tuple[float, dict[str, F32]]]:
+    """As `render`, but yields after each band: the share that is done and the pictures so far."""
+    width, height = size
+    if width < 1 or height < 1:
+        raise InputError(f"a picture of {width} x {height} pixels cannot be rendered; give a positive size")
+    unknown = [a for a in aovs if a not in AOVS]
+    if unknown:
+        raise InputError(f"unknown AOV '{unknown[0]}'; choose from {', '.join(AOVS)}")
+    if element_area is None:
+        element_area = float(scene.triangles.areas.sum()) / max(elements, 1)
+    options = {k: v for k, v in (("depth", depth), ("footprint", footprint)) if v is not None}
+    light_set = LightSet(scene, lights)
+    gatherer = Gatherer(scene, tracer, light_set, light_field, device, element_area, **options)
+    view = _View(scene, camera, size, Quality.of(samples), gatherer, hide_lights, seed)
+    out = {name: np.zeros((height, width, AOVS[name]), np.float32) for name in dict.fromkeys(("color", *aovs))}
+    rows = view.rows_of_band()
+    for first in range(0, height, rows):
+        last = min(first + rows, height)
+        for name, part in view.render_band(first, last, tuple(out)).items():
+            out[name][first:last] = part
+        yield last / height, out
+
+
+@dataclass(frozen=True)
+class _Seen:
+    """The first surface that samples see.  Arrays of rows of the band's grid of samples."""
+
+    rows: NDArray[np.intp]
+    surface: SurfacePoints
+    points: ShadingPoints
+    distance: F32
+
+
+class _View:
+    """One picture in the making."""
+
+    def __init__(
+        self,
+        scene: Scene,
+        camera: Camera,
+        size: tuple[int, int],
+        quality: Quality,
+        gatherer: Gatherer,
+        hide_lights: bool,
+        seed: int,
+    ) -> None:
+        self.scene, self.camera, self.size, self.quality = scene, camera, size, quality
+        self.gatherer, self.tracer, self.hide_lights, self.seed = gatherer, gatherer.tracer, hide_lights, seed
+        self._filter = gatherer.device.kernel("render", "filter_light")
+        self._jitter = gatherer.sequence(np.arange(TILE * TILE, dtype=np.uint32), seed + 77)
+
+    def rows_of_band(self) -> int:
+        """Rows of pixels in a band."""
+        a = self.quality.antialias
+        return max(TILE, BAND // (self.size[0] * a * a))
+
+    def render_band(self, first: int, last: int, names: tuple[str, ...]) -> dict[str, F32]:
+        """Renders rows of pixels first..last-1."""
+        a = self.quality.antialias
+        border = -(-TILE // (2 * a))
+        low, high = max(first - border, 0), min(last + border, self.size[1])
+        grid_width, grid_height = self.size[0] * a, (high - low) * a
+        y, x = np.divmod(np.arange(grid_width * grid_height), grid_width)
+        y += low * a
+        place = _morton(x % TILE, y % TILE)
+        jitter = self._jitter[place]
+        at = np.stack([(x + jitter[:, 0]) / grid_width, (y + jitter[:, 1]) / (self.size[1] * a)], -1)
+        rays = camera_rays(self.camera, at, self.size[0] / self.size[1])
+
+        n = len(x)
+        sums = {k: np.zeros((n, AOVS[k]), np.float32) for k in names}
+        for k in ("depth", "material", "mesh"):
+            if k in sums:
+                sums[k][:] = np.inf if k == "depth" else -1
+        through = np.ones((n, 1), np.float32)  # what is seen of the next layer
+        origin, travelled = rays.origin.copy(), np.zeros(n, np.float32)
+        rows = np.arange(n)
+        for layer in range(LAYERS):
+            seen, lit_rows = self._look(rows, origin, rays.direction, rays.limit - travelled, through, sums)
+            if seen is None:
+                break
+            self._add_layer(seen, layer, through, place, (grid_width, grid_height), sums, travelled + rays.near)
+            opacity = seen.surface.opacity
+            open_ = np.flatnonzero(opacity < 1 - 1e-3)
+            rows = seen.rows[open_]
+            if not len(rows):
+                break
+            through[seen.rows] *= 1 - opacity[:, None]
+            travelled[rows] += seen.distance[open_]
+            q = seen.points[open_]
+            origin[rows] = self.tracer.offset_points(q.position, -q.geometric_normal, seen.surface.triangle[open_])
+        return self._to_pixels(sums, grid_width, grid_height, (first - low) * a, (last - low) * a)
+
+    def _look(
+        self, rows: NDArray, origin: F32, direction: F32, limit: F32, through: F32, sums: dict[str, F32]
+    ) -> tuple[_Seen | None, NDArray]:
+        """Finds what camera rays see next; adds lights and domes that are in view."""
+        o, d, far = origin[rows], direction[rows], limit[rows]
+        met = self.tracer.intersect(o, d, stop_at_veils=True)
+        hit = (met.triangle >= 0) & (met.distance < far)
+        distance = np.where(hit, met.distance, np.inf).astype(np.float32)
+        lights = self.gatherer.lights
+        if not self.hide_lights:
+            where, radiance = lights.seen(o, d, np.minimum(distance, far))
+            in_light = radiance.max(1) > 0
+            hit &= ~in_light
+            escaped = np.flatnonzero(~hit & ~in_light)
+            radiance[escaped] += lights.background(d[escaped])
+            sums["color"][rows] += radiance * through[rows]
+            for k in ("direct", "emission"):
+                if k in sums:
+                    sums[k][rows] += radiance * through[rows]
+            through[rows[in_light]] = 0
+        at = np.flatnonzero(hit)
+        if not len(at):
+            return None, rows
+        surface = evaluate_surface(self.scene, met.triangle[at], met.barycentric[at])
+        points = shading_points(surface, -d[at], self.tracer)
+        return _Seen(rows[at], surface, points, distance[at]), rows
+
+    def _add_layer(
+        self,
+        seen: _Seen,
+        layer: int,
+        through: F32,
+        place: NDArray,
+        grid: tuple[int, int],
+        sums: dict[str, F32],
+        travelled: F32,
+    ) -> None:
+        """Lights one layer of surfaces and adds it to the sums."""
+        q, s = self.quality, seen.surface
+        light = self.gatherer.gather(
+            seen.points, place[seen.rows].astype(np.uint32), q.rays, q.light_samples, self.seed
+        )
+        features = self._features(seen, grid, travelled)
+        direct = self._filtered(seen, grid, features, light.direct, TILE // 2) + light.exact
+        indirect = self._filtered(seen, grid, features, light.indirect, TILE)
+        share = through[seen.rows] * s.presence[:, None]
+        sums["color"][seen.rows] += share * (direct + indirect + s.emission)
+        cover = through[seen.rows] * s.opacity[:, None]
+        values = {
+            "direct": (share, direct), "indirect": (share, indirect), "emission": (share, s.emission),
+            "albedo": (cover, s.diffuse), "specular": (cover, s.f0), "roughness": (cover, s.roughness[:, None]),
+            "alpha": (cover, np.float32(1)),
+        }  # fmt: skip
+        for name, (weight, value) in values.items():
+            if name in sums:
+                sums[name][seen.rows] += weight * value
+        if layer == 0:
+            axis = -self.camera.world_from_camera[:3, 2]
+            depth = (s.position - self.camera.world_from_camera[:3, 3]) @ axis
+            values_first = {
+                "normal": seen.points.normal, "position": s.position, "depth": depth[:, None],
+                "material": s.material[:, None], "mesh": s.mesh[:, None],
+            }  # fmt: skip
+            for name, value in values_first.items():
+                if name in sums:
+                    sums[name][seen.rows] = value
+
+    def _features(self, seen: _Seen, grid: tuple[int, int], travelled: F32) -> F32:
+        """Returns what the filter compares, (grid height, grid width, 12)."""
+        p, n = seen.points, len(seen.rows)
+        mirror = 2 * (p.normal * p.view).sum(1, keepdims=True) * p.normal - p.view
+        footprint = pixel_size(self.camera, seen.distance + travelled[seen.rows], self.size)
+        lean = np.maximum(np.abs((p.geometric_normal * p.view).sum(1)), 0.05)
+        kind = 2.0 * seen.surface.material + (p.lobes[:, 2] + p.lobes[:, 3] > 0.999)
+        out = np.full((grid[1] * grid[0], 12), -1, np.float32)
+        out[seen.rows] = np.concatenate(
+            [
+                p.position - self.gatherer.center,
+                p.normal,
+                mirror,
+                p.lobes[:, :1],
+                (footprint * (0.5 + 0.1 / lean)).reshape(n, 1),
+                kind.reshape(n, 1),
+            ],
+            1,
+        )
+        return out
+
+    def _filtered(
+        self, seen: _Seen, grid: tuple[int, int], features: F32, light: F32, window: int
+    ) -> F32:
+        """Filters light columns (n, 5, 3) over the grid and returns the radiance (n, 3) it makes."""
+        d, (width, height) = self.gatherer.device, grid
+        light_grid = np.zeros((width * height, 15), np.float32)
+        light_grid[seen.rows] = light.reshape(-1, 15)
+        colors = np.zeros((width * height, 9), np.float32)
+        colors[seen.rows] = seen.points.colors
+        out = d.empty((width * height, 3), np.float32)
+        sizes = np.int32(width), np.int32(height), np.int32(window), np.float32(LOBE_SHARE), np.float32(NORMAL_COSINE)
+        self._filter(
+            (width, height), None, *sizes, d.upload(features), d.upload(colors), d.upload(light_grid), out
+        )
+        return d.download(out)[seen.rows]
+
+    def _to_pixels(
+        self, sums: dict[str, F32], width: int, height: int, first: int, last: int
+    ) -> dict[str, F32]:
+        """Averages the samples of each pixel, dropping the border; of indices and depths the first is taken."""
+        a = self.quality.antialias
+        out = {}
+        for name, value in sums.items():
+            grid = value.reshape(height, width, -1)[first:last]
+            cells = grid.reshape((last - first) // a, a, width // a, a, -1)
+            if name in ("depth", "material", "mesh"):
+                out[name] = cells[:, a // 2, :, a // 2]
+            else:
+                out[name] = cells.mean((1, 3))
+            if name == "normal":
+                length = np.linalg.norm(out[name], axis=-1, keepdims=True)
+                out[name] = out[name] / np.where(length > 0, length, 1)
+        return out
+
+
+def _morton(x: NDArray, y: NDArray) -> NDArray[np.uint32]:
+    """Returns the place of (x, y) < 256 on the Z-order curve: aligned squares are runs of indices."""
+    out = np.zeros(np.shape(x), np.uint32)
+    for bit in range(8):
+        out |= ((x >> bit) & 1).astype(np.uint32) << np.uint32(2 * bit)
+        out |= ((y >> bit) & 1).astype(np.uint32) << np.uint32(2 * bit + 1)
+    return out
