@@ -1,0 +1,254 @@
+"""The surface light field: outgoing radiance of every element in every bin, bounce by bounce.
+
+L_o = L_e + K (L_fixed + G L_o), iterated from the light field at hand.  Elements are put into blocks of
+sixteen of one roughness level; an element between two levels is in both, by its share.  Levels and weights:
+preconvolution.py; kernels: light_field.cl.
+
+Source: Nguyen et al. 2013, section 3 (rendering equation), 5.2, 6.2.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usdslf.directions import D, bin_directions
+from usdslf.elements import ElementLookup, Elements
+from usdslf.gpu.device import Device
+from usdslf.preconvolution import LevelKernel, build_level, fresnel_diffuse
+from usdslf.reflectance import LEVEL_COUNT, roughness_levels
+from usdslf.visibility import Visibility
+
+LANES = 16
+CHUNK_BLOCKS = 24  # blocks whose light stays in the caches of a CPU
+NEAR = 4  # elements that a hit interpolates between
+
+
+@dataclass(frozen=True)
+class Surface:
+    """Reflectance of the elements, the part of them that an edit changes.  N elements, float32."""
+
+    diffuse: NDArray  # (N, 3) d
+    f0: NDArray  # (N, 3)
+    f90: NDArray  # (N, 3)
+    roughness: NDArray  # (N,)
+    emission: NDArray  # (N, 3)
+    clearcoat: NDArray  # (N,)
+    clearcoat_roughness: NDArray  # (N,)
+    coat_f0: NDArray  # (N,)
+
+    @staticmethod
+    def of(elements: Elements) -> Surface:
+        """Takes the reflectance that the elements were sampled with."""
+        one = lambda x: np.asarray(x, np.float32).reshape(len(elements.position), -1)[:, 0]  # noqa: E731
+        return Surface(
+            *(np.asarray(x, np.float32) for x in (elements.diffuse, elements.f0, elements.f90)),
+            one(elements.roughness),
+            np.asarray(elements.emission, np.float32),
+            *(one(x) for x in (elements.clearcoat, elements.clearcoat_roughness, elements.coat_f0)),
+        )
+
+    def with_rows(self, rows: NDArray, **values: NDArray) -> Surface:
+        """Returns a copy in which `rows` (boolean or index) have other values."""
+        new = {}
+        for name, value in values.items():
+            array = np.array(getattr(self, name))
+            array[rows] = value
+            new[name] = array
+        return replace(self, **new)
+
+
+@dataclass(frozen=True)
+class _Blocks:
+    """Blocks of one level: `order_d` (blocks * 16), `parameters_d` (blocks, 12, 16)."""
+
+    level: int
+    count: int
+    order_d: Any
+    parameters_d: Any
+
+
+class LightField:
+    """Outgoing radiance `outgoing_d` (N, D, 3) of the elements, and the bounce that renews it."""
+
+    def __init__(
+        self,
+        device: Device,
+        elements: Elements,
+        lookup: ElementLookup,
+        visibility: Visibility,
+        fixed: NDArray,
+        model: str = "preview_surface",
+    ) -> None:
+        """Uploads what stays: links, fixed light (N, D, 3), frames.
+
+        Raises: MemoryError_ where it does not fit the device.
+        """
+        n = len(elements.position)
+        self.device, self.elements, self.lookup, self.model = device, elements, lookup, model
+        field = n * D * 3 * 4
+        device.require(3 * field + n * D * 4, f"{n} elements", field)
+        self.hit_d = device.upload(np.ascontiguousarray(visibility.hit, np.uint32))
+        self.fixed_d = device.upload(np.ascontiguousarray(fixed, np.float32))
+        self.frames_d = device.upload(np.ascontiguousarray(elements.frame, np.float32))
+        self.outgoing_d = device.zeros((n, D, 3), np.float32)
+        self._next_d = device.empty((n, D, 3), np.float32)
+        self._light_d = device.empty((CHUNK_BLOCKS, D, 3, LANES), np.float32)
+        self._coarse_d = device.empty((CHUNK_BLOCKS, D // 4, 3, LANES), np.float32)
+        self._e_pi_d = device.empty((CHUNK_BLOCKS, 3, LANES), np.float32)
+        self._difference_d = device.empty((n, 2), np.float32)
+        z = bin_directions()[:, 2]
+        self._cosine_d = device.upload((z / z.sum()).astype(np.float32))
+        y, y_scale = fresnel_diffuse(device, model)
+        self._y_d, self._y_scale_d = device.upload(y), device.upload(y_scale)
+        self._levels: dict[int, tuple[LevelKernel, dict[str, Any]]] = {}
+        self.surface = Surface.of(elements)
+        self._blocks: list[_Blocks] = []
+        self.set_surface(self.surface)
+
+    def set_surface(self, surface: Surface) -> None:
+        """Gives the elements another reflectance; the light field follows with the next bounces."""
+        self.surface = surface
+        self._emission_d = self.device.upload(surface.emission)
+        self._blocks = self._make_blocks(surface)
+
+    def _make_blocks(self, s: Surface) -> list[_Blocks]:
+        n = len(s.roughness)
+        lobe = np.concatenate([s.f0, s.f90], 1)
+        diffuse = np.concatenate([s.diffuse * (1 - s.f0), s.diffuse * (1 - s.f90)], 1)
+        low, share = _levels_of(s.roughness)
+        everyone = np.arange(n)
+        rows = [
+            (everyone, low, np.concatenate([diffuse, lobe * (1 - share)[:, None]], 1)),
+            (everyone, low + 1, np.concatenate([0 * diffuse, lobe * share[:, None]], 1)),
+        ]
+        if np.any(s.clearcoat > 0):
+            coat = np.repeat(np.stack([s.clearcoat * s.coat_f0, s.clearcoat], 1), 3, axis=1)
+            low, share = _levels_of(s.clearcoat_roughness)
+            rows += [
+                (everyone, low, np.concatenate([0 * diffuse, coat * (1 - share)[:, None]], 1)),
+                (everyone, low + 1, np.concatenate([0 * diffuse, coat * share[:, None]], 1)),
+            ]
+        element, level, parameter = (np.concatenate(x) for x in zip(*rows, strict=True))
+        used = np.any(parameter != 0, axis=1)
+        element, level, parameter = element[used], level[used], parameter[used]
+        blocks = []
+        for j in np.unique(level):
+            for part in _without_repeats(np.nonzero(level == j)[0], element):
+                count = -(-len(part) // LANES)
+                order = np.full(count * LANES, -1, np.int32)
+                order[: len(part)] = element[part]
+                p = np.zeros((count * LANES, 12), np.float32)
+                p[: len(part)] = parameter[part]
+                p = np.ascontiguousarray(p.reshape(count, LANES, 12).transpose(0, 2, 1))
+                blocks.append(_Blocks(int(j), count, self.device.upload(order), self.device.upload(p)))
+        return blocks
+
+    def _level(self, j: int) -> tuple[LevelKernel, dict[str, Any]]:
+        if j not in self._levels:
+            level = build_level(self.device, self.model, float(roughness_levels()[j]))
+            arrays = {k: self.device.upload(v) for k, v in vars(level).items() if v is not None}
+            self._levels[j] = (level, arrays)
+        return self._levels[j]
+
+    def bounce(self) -> float:
+        """Sends the light once more; returns the relative change of the light field (L1)."""
+        device, n = self.device, len(self.elements.position)
+        kernel = lambda name, **c: device.kernel("light_field", name, NEAR=NEAR, **c)  # noqa: E731
+        kernel("emit", LOBE=0)((_up(n * D),), (64,), self._emission_d, np.uint32(n * D), self._next_d)
+        for blocks in self._blocks:
+            level, w = self._level(blocks.level)
+            for first in range(0, blocks.count, CHUNK_BLOCKS):
+                count, at = min(CHUNK_BLOCKS, blocks.count - first), np.int32(first)
+                kernel("gather", LOBE=0)(
+                    (D, count), (64, 1), blocks.order_d, self.hit_d, self.fixed_d, self.outgoing_d, at, self._light_d
+                )
+                kernel("coarsen", LOBE=0)((D // 4, count), (64, 1), self._light_d, self._coarse_d)
+                kernel("irradiance", LOBE=0)((3, count), None, self._light_d, self._cosine_d, self._e_pi_d)
+                lobe = (w["a"], w["b"], self._y_scale_d, w["fine_scale"] if level.coarse else self._y_scale_d)
+                kernel("reflect_coarse", LOBE=int(level.coarse))(
+                    (D // 4, count), (64, 1), self._coarse_d, self._e_pi_d, self._y_d, *lobe,
+                    blocks.parameters_d, blocks.order_d, at, self._next_d,
+                )  # fmt: skip
+                if not level.coarse:
+                    kernel("reflect_sharp", LOBE=0)(
+                        (D, count), (64, 1), self._light_d, w["first"], w["tap"], w["a"], w["b"],
+                        blocks.parameters_d, blocks.order_d, at, self._next_d,
+                    )  # fmt: skip
+        kernel("difference", LOBE=0)(
+            (_up(n),), (64,), self.outgoing_d, self._next_d, np.uint32(n), self._difference_d
+        )
+        self.outgoing_d, self._next_d = self._next_d, self.outgoing_d
+        apart, total = device.download(self._difference_d).sum(0, dtype=np.float64)
+        return float(apart / total) if total > 0 else 0.0
+
+    def converge(self, bounces: int = 8, tolerance: float = 2e-3) -> Iterator[float]:
+        """Bounces until the change falls below `tolerance`, `bounces` times at most; yields each change."""
+        for _ in range(bounces):
+            change = self.bounce()
+            yield change
+            if change < tolerance:
+                return
+
+    def link_hits(self, triangle: NDArray, barycentric: NDArray, direction: NDArray) -> tuple[Any, Any]:
+        """Ties hits to the light field: near elements, and the bin in which each sends light back along the ray.
+
+        Args:
+            triangle: (n,) row of Scene.triangles, -1 for a miss; barycentric: (n, 2).
+            direction: (n, 3) of travel, unit, world.
+
+        Returns: device arrays `links_d` (n, 4) uint32 and `weights_d` (n, 4), for `follow_links`.
+        """
+        hit = triangle >= 0
+        normals = self.lookup.face_normals[np.maximum(triangle, 0)]
+        side = np.where(np.einsum("ij,ij->i", normals, direction) > 0, -1, 1)
+        elements = np.full((len(triangle), NEAR), -1, np.int32)
+        weights = np.zeros((len(triangle), NEAR), np.float32)
+        if hit.any():
+            elements[hit], weights[hit] = self.lookup.nearest(triangle[hit], barycentric[hit], side[hit])
+        n = len(triangle)
+        links_d = self.device.empty((max(n, 1), NEAR), np.uint32)
+        kernel = self.device.kernel("light_field", "link_hits", NEAR=NEAR, LOBE=0)
+        kernel(
+            (_up(n),), (64,), self.device.upload(elements), self.device.upload(direction.astype(np.float32)),
+            self.frames_d, np.uint32(n), links_d,
+        )  # fmt: skip
+        return links_d, self.device.upload(weights)
+
+    def follow_links(self, links_d: Any, weights_d: Any) -> NDArray[np.float32]:
+        """Returns the radiance (n, 3) that arrives along the rays of `link_hits`; zero for misses."""
+        n = links_d.shape[0]
+        radiance_d = self.device.empty((n, 3), np.float32)
+        kernel = self.device.kernel("light_field", "follow_links", NEAR=NEAR, LOBE=0)
+        kernel((_up(n),), (64,), links_d, weights_d, self.outgoing_d, np.uint32(n), radiance_d)
+        return self.device.download(radiance_d)
+
+    def radiance_from_hits(self, triangle: NDArray, barycentric: NDArray, direction: NDArray) -> NDArray[np.float32]:
+        """Returns the outgoing radiance (n, 3) of the surfaces that rays hit, interpolated between near elements."""
+        if len(triangle) == 0:
+            return np.zeros((0, 3), np.float32)
+        return self.follow_links(*self.link_hits(triangle, barycentric, direction))
+
+
+def _levels_of(roughness: NDArray) -> tuple[NDArray, NDArray]:
+    """Lower level (n,) and the share (n,) of the level above it."""
+    x = np.clip(np.asarray(roughness, np.float64) * LEVEL_COUNT - 1, 0, LEVEL_COUNT - 1)
+    low = np.minimum(np.floor(x + 1e-3).astype(np.int64), LEVEL_COUNT - 2)
+    share = np.clip(x - low, 0, 1)
+    return low, np.where(share < 2e-2, 0, share)
+
+
+def _without_repeats(rows: NDArray, element: NDArray) -> Iterator[NDArray]:
+    """Splits rows so that no element comes twice in one part: lanes of one launch must not share an element."""
+    while len(rows):
+        _, first = np.unique(element[rows], return_index=True)
+        yield rows[np.sort(first)]
+        rows = np.delete(rows, first)
+
+
+def _up(n: int) -> int:
+    return -(-n // 64) * 64
