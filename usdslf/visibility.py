@@ -18,7 +18,8 @@ from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 from numpy.typing import NDArray
 
-from usdslf.scene import F32, I32, Material, Scene
+from usdslf.scene import F32, I32, Scene
+from usdslf.surface import evaluate_opacity, is_opaque
 
 FAR = np.float32(1e37)  # Embree's "no limit"
 CHUNK = 16384  # rays of one run: their records stay in the second-level cache
@@ -59,7 +60,7 @@ class RayTracer:
 
         Args:
             scene: whose triangles are traced.
-            opacity: opacity at points; None: the materials', from `surface.evaluate_surface`.
+            opacity: opacity at points; None: the materials', from `surface.evaluate_opacity`.
             threads: None: as many as there are processors.
         """
         self.scene = scene
@@ -67,7 +68,7 @@ class RayTracer:
         triangles = scene.triangles
         corners = np.ascontiguousarray(triangles.positions, np.float32)
         # NaN and infinite corners would poison the bounds of the tree: collapse those triangles.
-        finite = np.isfinite(corners).all((1, 2))
+        finite = np.isfinite(corners).reshape(len(corners), 9).all(1)
         corners = np.where(finite[:, None, None], corners, np.float32(0))
         self._extent = np.abs(corners).max((1, 2)) if len(corners) else np.zeros(0, np.float32)
         self._usual_extent = float(np.quantile(self._extent, 0.99)) if len(corners) else 0.0
@@ -78,28 +79,30 @@ class RayTracer:
         self._embree.run(np.zeros((1, 3), np.float32), np.ones((1, 3), np.float32))
         self._pool = ThreadPoolExecutor(self.threads, thread_name_prefix="usdslf-rays")
 
-        clear = np.array([may_be_seen_through(m) for m in scene.materials], bool)
+        clear: NDArray[np.bool_] = np.array([not is_opaque(m) for m in scene.materials], bool)
         self._threshold = np.array([m.opacity_threshold for m in scene.materials], np.float32)
         self._clear = clear[triangles.material] if clear.any() else None
         self._opacity = opacity or self._material_opacity
 
-    def intersect(self, origins: NDArray, directions: NDArray) -> Hits:
+    def intersect(self, origins: NDArray, directions: NDArray, stop_at_veils: bool = False) -> Hits:
         """Finds the first surface along each ray.
 
         Args:
             origins: (n, 3), moved off the surface they lie on by `offset_points`.
             directions: (n, 3); unit vectors make distances stage units.
+            stop_at_veils: surfaces with an opacity below one are hit as well, for callers that blend them
+                exactly; only cut-outs are passed.
         """
         o, d = _rays(origins, directions)
         n = len(o)
         hits = Hits(np.empty(n, np.int32), np.empty((n, 2), np.float32), np.empty(n, np.float32))
         self._run_chunks(n, lambda rows: self._intersect_into(o[rows], d[rows], hits, rows))
         if self._clear is not None:
-            self._pass_through(o, d, hits)
+            self._pass_through(o, d, hits, stop_at_veils)
         return hits
 
     def occluded(self, origins: NDArray, directions: NDArray, distance: NDArray | float = np.inf) -> NDArray:
-        """Tells which rays (n,) meet a surface within `distance`, (n,) or scalar in lengths of the direction."""
+        """Tells which rays (n,) meet a surface within `distance` (scalar or (n,), in direction lengths)."""
         o, d = _rays(origins, directions)
         n = len(o)
         limit = np.minimum(np.broadcast_to(np.asarray(distance, np.float32), n), FAR)
@@ -169,12 +172,12 @@ class RayTracer:
             self._pass_through(o, d, hits)
         return hits
 
-    def _pass_through(self, o: F32, d: F32, hits: Hits) -> None:
+    def _pass_through(self, o: F32, d: F32, hits: Hits, stop_at_veils: bool = False) -> None:
         """Moves hits on what a ray passes through to the surfaces behind, in at most MAX_LAYERS rounds."""
         assert self._clear is not None
         rays = np.flatnonzero((hits.triangle >= 0) & self._clear[hits.triangle])
         for _ in range(MAX_LAYERS):
-            rays = rays[self._lets_through(o[rays], d[rays], hits, rays)]
+            rays = rays[self._lets_through(o[rays], d[rays], hits, rays, stop_at_veils)]
             if not len(rays):
                 return
             triangle, travelled = hits.triangle[rays], hits.distance[rays]
@@ -188,23 +191,15 @@ class RayTracer:
             again = (hits.triangle[rays] >= 0) & self._clear[hits.triangle[rays]]
             rays = rays[again]
 
-    def _lets_through(self, o: F32, d: F32, hits: Hits, rays: NDArray) -> NDArray:
+    def _lets_through(self, o: F32, d: F32, hits: Hits, rays: NDArray, stop_at_veils: bool) -> NDArray:
         triangle = hits.triangle[rays]
         opacity = self._opacity(triangle, hits.barycentric[rays])
         threshold = self._threshold[self.scene.triangles.material[triangle]]
-        chance = _hash_unit(o, d, triangle)
+        chance = np.float32(-1) if stop_at_veils else _hash_unit(o, d, triangle)
         return np.where(threshold > 0, opacity < threshold, chance >= opacity)
 
     def _material_opacity(self, triangle: I32, barycentric: F32) -> F32:
-        from usdslf.surface import evaluate_surface
-
-        return evaluate_surface(self.scene, triangle, barycentric, normal_maps=False).opacity
-
-
-def may_be_seen_through(material: Material) -> bool:
-    """Tells whether a material can have an opacity below one."""
-    opacity = material.opacity
-    return not (isinstance(opacity, np.ndarray) and float(opacity.reshape(-1)[0]) >= 1)
+        return evaluate_opacity(self.scene, triangle, barycentric)[0]
 
 
 def points_at(corners: NDArray, triangle: NDArray, barycentric: NDArray) -> NDArray:

@@ -1,0 +1,288 @@
+"""Elements: blue-noise points on every side of every gprim that light can reach.
+
+Candidates, some per element, are spread over the triangles by area; those that light cannot reach are
+dropped; elements are a well-spaced choice of the rest.  The others give each element the mean
+reflectance of the surface around it, so that a texture finer than the spacing enters by its average.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from usdslf.blue_noise import choose_blue_noise, surface_coordinates
+from usdslf.element_lookup import ElementLookup
+from usdslf.errors import StageError
+from usdslf.living_sides import find_living_points
+from usdslf.scene import F32, I32, Scene
+from usdslf.surface import SurfacePoints, evaluate_surface
+
+if TYPE_CHECKING:
+    from usdslf.visibility import RayTracer
+
+__all__ = ["ElementLookup", "Elements", "sample_elements"]
+
+CANDIDATES = 8  # per element
+PROBES = 10  # points per part that are asked first whether a side is alive
+MOST_PROBES = 40_000  # of all parts
+LEAST = 6  # elements on a side of a part, fewer where there are very many parts
+LARGEST_COUNT = 1 << 22  # 32 bits less 10 for the bin
+MEANS = (
+    *("diffuse", "f0", "f90", "roughness", "clearcoat", "clearcoat_roughness", "coat_f0", "emission"),
+    *("opacity", "presence", "base_color", "metallic", "ior", "specular_color"),
+)
+
+
+@dataclass(frozen=True)
+class Elements:
+    """N points with their reflectance, the mean over their surroundings.  Normals are flipped to `side`.
+
+    A part is what one material covers of one gprim; where there are too many gprims, small ones of the
+    same material are one part.
+    """
+
+    position: F32  # (N, 3)
+    geometric_normal: F32  # (N, 3) unit
+    normal: F32  # (N, 3) unit, shading
+    frame: F32  # (N, 3, 3) rows tangent, bitangent, normal, right-handed; turned about the normal at random
+    area: F32  # (N,) sums to the living area of each side of a part
+    mesh: I32  # (N,) into Scene.meshes
+    triangle: I32  # (N,)
+    barycentric: F32  # (N, 2)
+    material: I32  # (N,)
+    side: I32  # (N,) +1 where the normal is that of the winding, -1 on the back
+    part: I32  # (N,)
+    part_of_triangle: I32  # (T,) of the scene
+    diffuse: F32  # (N, 3)
+    f0: F32  # (N, 3)
+    f90: F32  # (N, 3)
+    roughness: F32  # (N,)
+    clearcoat: F32  # (N,)
+    clearcoat_roughness: F32  # (N,)
+    coat_f0: F32  # (N,)
+    emission: F32  # (N, 3)
+    opacity: F32  # (N,)
+    presence: F32  # (N,)
+    base_color: F32  # (N, 3)
+    metallic: F32  # (N,)
+    ior: F32  # (N,)
+    specular_color: F32  # (N, 3)
+
+    def __len__(self) -> int:
+        return len(self.position)
+
+
+def sample_elements(
+    scene: Scene, tracer: RayTracer, count: int = 10000, rng: np.random.Generator | None = None
+) -> Elements:
+    """Spreads `count` elements over the living sides of the scene's surfaces.
+
+    Each side of a part has its share by area, so that all elements stand for about the same area, but
+    no fewer than LEAST.
+
+    Raises: StageError where there is no surface.
+    """
+    assert 0 < count < LARGEST_COUNT, count
+    rng = rng if rng is not None else np.random.default_rng(0)
+    table = scene.triangles
+    area = np.where(np.isfinite(table.areas), table.areas, 0.0)
+    if not area.sum() > 0:
+        raise StageError(
+            f"{scene.stage or 'the stage'} has no surface to shade; check visibility and purpose"
+        )
+    part_of_triangle = find_parts(scene, area, count)
+    area_of_part = np.bincount(part_of_triangle, area)
+    parts = len(area_of_part)
+
+    # Which sides are alive: a few probes on each part, more on large ones.
+    probes = max(2, min(PROBES, MOST_PROBES // (2 * parts)))
+    number = np.maximum(probes, np.ceil(4000 * area_of_part / area.sum())).astype(np.int64)
+    both = np.tile(number * (area_of_part > 0), 2)
+    reach, _ = _living_candidates(scene, tracer, area, part_of_triangle, both, np.ones(2 * parts, bool), rng)
+    alive = np.bincount(reach.group, minlength=2 * parts) / np.maximum(both, 1)
+    if not alive.any():
+        alive = (both > 0).astype(float)  # no light anywhere: all sides are as good
+
+    # Candidates on the living sides; sides that are alive everywhere need no second look.
+    side_area = np.tile(area_of_part, 2)
+    quota = share_out(alive * side_area, count)
+    number = np.ceil(CANDIDATES * quota / np.maximum(alive, 0.05)).astype(np.int64)
+    pool, points = _living_candidates(scene, tracer, area, part_of_triangle, number, alive < 1, rng)
+    alive = np.bincount(pool.group, minlength=2 * parts) / np.maximum(number, 1)
+    quota = share_out(alive * side_area, count)
+    spacing = np.sqrt(alive * side_area / np.maximum(quota, 1))
+
+    coordinates = surface_coordinates(pool.position, pool.normal, pool.group, spacing[pool.group])
+    chosen = choose_blue_noise(coordinates, pool.group, quota, rng)
+    number = np.bincount(pool.group[chosen], minlength=2 * parts)
+    group = pool.group[chosen]
+    side = np.where(group < parts, 1, -1).astype(np.int32)
+    surroundings = cKDTree(coordinates[chosen]).query(coordinates, workers=tracer.threads)[1]
+    normal = _upright(side[:, None] * points.normal[chosen], side[:, None] * points.geometric_normal[chosen])
+    return Elements(
+        position=points.position[chosen],
+        geometric_normal=side[:, None] * points.geometric_normal[chosen],
+        normal=normal,
+        frame=turned_frames(normal, 2 * np.pi * rng.random(len(chosen))),
+        area=((alive * side_area) / np.maximum(number, 1))[group].astype(np.float32),
+        mesh=points.mesh[chosen],
+        triangle=points.triangle[chosen],
+        barycentric=points.barycentric[chosen],
+        material=points.material[chosen],
+        side=side,
+        part=(group % parts).astype(np.int32),
+        part_of_triangle=part_of_triangle,
+        **{name: _mean(getattr(points, name), surroundings, len(chosen)) for name in MEANS},
+    )
+
+
+def find_parts(scene: Scene, area: NDArray, count: int) -> I32:
+    """Numbers what shares elements (T,): each material of each gprim, or, of the smallest, each material."""
+    table = scene.triangles
+    materials = len(scene.materials) + 1
+    key = table.mesh.astype(np.int64) * materials + table.material
+    names, part = np.unique(key, return_inverse=True)
+    own = max(count // 4, 1)
+    if len(names) > own:
+        area_of_part = np.bincount(part, area)
+        small = np.argsort(-area_of_part, kind="stable")[own:]
+        names = names.copy()
+        names[small] = -1 - names[small] % materials
+        part = np.unique(names[part], return_inverse=True)[1]
+    return part.astype(np.int32)
+
+
+def share_out(area: NDArray, count: int) -> NDArray[np.int64]:
+    """Shares `count` out by area, each positive area having at least LEAST, or less where they are many.
+
+    Where there are more areas than `count`, the largest have one each.
+    """
+    some = np.flatnonzero(area > 0)
+    out = np.zeros(len(area), np.int64)
+    if not len(some):
+        return out
+    if len(some) >= count:
+        out[some[np.argsort(-area[some], kind="stable")[:count]]] = 1
+        return out
+    least = float(np.clip(count // (4 * len(some)), 1, LEAST))
+    a = area[some].astype(np.float64)
+    share = np.full(len(a), least)
+    large = np.ones(len(a), bool)
+    while large.any():
+        share[large] = (count - least * (~large).sum()) * a[large] / a[large].sum()
+        small = large & (share < least)
+        if not small.any():
+            break
+        share[small] = least
+        large &= ~small
+    # Largest remainders make the sum exact.
+    whole = np.floor(share + 1e-9).astype(np.int64)
+    missing = max(count - int(whole.sum()), 0)
+    whole[np.argsort(whole - share, kind="stable")[:missing]] += 1
+    out[some] = whole
+    return out
+
+
+def turned_frames(normal: NDArray, angle: NDArray) -> F32:
+    """Right-handed frames (n, 3, 3) about unit normals (n, 3), turned by angles (n,) [rad].
+
+    Source: Duff et al. 2017, Building an orthonormal basis, revisited.
+    """
+    x, y, z = np.moveaxis(np.asarray(normal, np.float64), -1, 0)
+    s = np.copysign(1.0, z)
+    a = -1 / (s + z)
+    t = np.stack([1 + s * x * x * a, s * x * y * a, -s * x], -1)
+    b = np.stack([x * y * a, s + y * y * a, -y], -1)
+    c, d = np.cos(angle)[:, None], np.sin(angle)[:, None]
+    return np.stack([c * t + d * b, c * b - d * t, np.asarray(normal, np.float64)], 1).astype(np.float32)
+
+
+@dataclass(frozen=True)
+class _Pool:
+    """Living candidates of all sides."""
+
+    position: F32  # (n, 3)
+    normal: F32  # (n, 3) geometric, of the side
+    group: NDArray[np.int64]  # (n,) part, plus the number of parts on the back
+
+
+def _living_candidates(
+    scene: Scene,
+    tracer: RayTracer,
+    area: NDArray,
+    part_of_triangle: I32,
+    number: NDArray,
+    doubtful: NDArray,
+    rng: np.random.Generator,
+) -> tuple[_Pool, SurfacePoints]:
+    """Spreads `number` (2 parts,) candidates over fronts and backs and keeps those that live.
+
+    Only the groups in `doubtful` (2 parts,) are looked at by rays.
+    """
+    triangle, bary, group = _spread(area, part_of_triangle, number, rng)
+    points = evaluate_surface(scene, triangle, bary, normal_maps=False)
+    parts = len(number) // 2
+    normal = np.where((group < parts)[:, None], points.geometric_normal, -points.geometric_normal)
+    there = points.presence > 0  # no holes of cut-outs
+    alive = there.copy()
+    ask = np.flatnonzero(there & doubtful[group])
+    alive[ask] = find_living_points(scene, tracer, triangle[ask], points.position[ask], normal[ask], rng)
+    # What lies among the living is only in the dark by chance, but never a whole side.
+    dark = ask[~alive[ask]]
+    lit = ask[alive[ask]]
+    if len(dark) and len(lit):
+        size = np.sqrt(np.bincount(part_of_triangle, area)[group % parts] / np.maximum(number[group], 1))
+        where = surface_coordinates(points.position, normal, group, np.maximum(size, 1e-30))
+        gap = cKDTree(where[lit]).query(where[dark], distance_upper_bound=1.2, workers=tracer.threads)[0]
+        alive[dark[np.isfinite(gap)]] = True
+    keep = np.flatnonzero(alive)
+    kept = _take(points, keep)
+    return _Pool(kept.position, normal[keep].astype(np.float32), group[keep]), kept
+
+
+def _spread(
+    area: NDArray, part_of_triangle: I32, number: NDArray, rng: np.random.Generator
+) -> tuple[I32, F32, NDArray[np.int64]]:
+    """Spreads points over parts by area, stratified along their triangles.
+
+    Returns: triangle (n,), barycentric (n, 2), group (n,), which is into `number`.
+    """
+    parts = len(number) // 2
+    order = np.argsort(part_of_triangle, kind="stable")
+    running = np.cumsum(area[order])
+    end = running[np.searchsorted(part_of_triangle[order], np.arange(parts), side="right") - 1]
+    start = np.concatenate([[0.0], end[:-1]])
+    group = np.repeat(np.arange(2 * parts), number)
+    index = np.arange(len(group)) - np.repeat(np.cumsum(number) - number, number)
+    part = group % parts
+    along = start[part] + (end - start)[part] * (index + rng.random(len(group))) / number[group]
+    row = np.searchsorted(running, along, side="right")
+    first = np.searchsorted(part_of_triangle[order], np.arange(parts))
+    last = np.searchsorted(part_of_triangle[order], np.arange(parts), side="right") - 1
+    triangle = order[np.clip(row, first[part], last[part])].astype(np.int32)
+    r, s = rng.random((2, len(group)))
+    root = np.sqrt(r)
+    return triangle, np.stack([root * (1 - s), root * s], 1).astype(np.float32), group
+
+
+def _take(points: SurfacePoints, rows: NDArray) -> SurfacePoints:
+    return SurfacePoints(**{name: value[rows] for name, value in vars(points).items()})
+
+
+def _mean(values: NDArray, owner: NDArray, n: int) -> F32:
+    """Mean (n, ...) of the values (k, ...) of each owner (k,); each owner has one at least."""
+    flat = values.reshape(len(values), -1).astype(np.float64)
+    number = np.bincount(owner, minlength=n)
+    sums = np.stack([np.bincount(owner, column, minlength=n) for column in flat.T], 1)
+    return (sums / np.maximum(number, 1)[:, None]).reshape(n, *values.shape[1:]).astype(np.float32)
+
+
+def _upright(normal: NDArray, geometric: NDArray) -> F32:
+    """Shading normals (n, 3) that lean no further than 84 degrees from the geometric ones."""
+    cosine = (normal * geometric).sum(1, keepdims=True)
+    n = np.where(cosine < 0.1, normal + (0.1 - cosine) * geometric, normal)
+    return (n / np.maximum(np.linalg.norm(n, axis=1, keepdims=True), 1e-20)).astype(np.float32)
