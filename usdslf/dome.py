@@ -1,0 +1,332 @@
+"""Environment light: what a dome sends from each direction, filtered or drawn by brightness.
+
+Orientation (UsdLux, OpenEXR): rows go from latitude +90 degrees (+Y) down, columns from longitude +180 to
+-180; latitude 0 longitude 0 is +Z and longitude +90 is +X; then `world_from_light` turns it.  Pixels
+are cells: the upper edge of row 0 is the pole.  Between pixel centres radiance is bilinear.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usdslf.scene import F32, F64, Light
+
+TABLE_ROWS = 512  # of the pixels that directions are drawn by
+FILTER_TEXELS = 1.25  # side of the filter in texels of the filtered map: see `Dome.radiance`
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # of the working space's linear Rec. 709, only for importance
+
+
+class Dome:
+    """A dome light with its pixels.
+
+    The directions drawn by `sample` have a density that is constant in solid angle over each cell of a
+    table, proportional to the luminance that the cell sends, so `pdf` is exact.
+    """
+
+    def __init__(self, light: Light, pixels: NDArray | None = None) -> None:
+        """Prepares a dome.
+
+        Args:
+            light: of kind dome; its `radiance` multiplies the pixels.
+            pixels: latlong (H, W, 3); None: white, a constant dome.
+        """
+        self.light = light
+        white = np.ones((1, 1, 3), np.float32)
+        image = white if pixels is None else np.asarray(pixels, np.float32)[..., :3]
+        image = np.where(np.isfinite(image), np.maximum(image, 0), 0)
+        self.pixels: F32 = np.ascontiguousarray(image * np.asarray(light.radiance, np.float32), np.float32)
+        u, _, vt = np.linalg.svd(np.asarray(light.world_from_light, np.float64)[:3, :3])
+        self.world_from_light: F64 = u @ vt  # the rotation (or reflection) next to the matrix
+        self._filtered: dict[int, F32] = {}
+        self._tables: dict[tuple[int, int], F32] = {}
+        self._build_table()
+
+    @classmethod
+    def from_light(cls, light: Light) -> Dome:
+        """Loads the texture of a dome light, if it has one.
+
+        Raises:
+            InputError: the texture cannot be read.
+        """
+        if not light.texture:
+            return cls(light)
+        from usdslf.images import load_latlong
+
+        return cls(light, load_latlong(light.texture, light.texture_format, light.texture_color_space))
+
+    # ── radiance ─────────────────────────────────────────────────────────────────────────────────
+
+    def radiance(self, directions: NDArray, solid_angle: float | None = None) -> F32:
+        """Returns the radiance (n, 3) that arrives from unit directions (n, 3).
+
+        Args:
+            directions: towards the dome, world space.
+            solid_angle: [sr] of the filter, about its size; None: bilinear between pixels.  The filtered
+                map has equal-area texels of 1 / 1.25 of the filter's side and is made and read with
+                tents, so that any lattice of directions of that solid angle catches a small sun's energy.
+        """
+        local = np.asarray(directions, np.float32) @ self.world_from_light.astype(np.float32)
+        height, width = self.pixels.shape[:2]
+        if solid_angle is None or solid_angle <= 2 * np.pi**2 / (height * width) or height * width == 1:
+            return _bilinear_latlong(self.pixels, local)
+        return _read_map(self._filtered_map(solid_angle), square_of(local))
+
+    def table(self, solid_angle: float, side: int = 512) -> F32:
+        """Returns the filtered radiance as an octahedral table (side^2, 3), read by `table_index`."""
+        rows = _map_rows(solid_angle)
+        if (rows, side) not in self._tables:
+            t = (np.arange(side, dtype=np.float32) + 0.5) * (2 / side) - 1
+            x, y = np.meshgrid(t, t)
+            z = 1 - np.abs(x) - np.abs(y)
+            fold = np.maximum(-z, 0)
+            local = np.stack([x - np.copysign(fold, x), y - np.copysign(fold, y), z], -1).reshape(-1, 3)
+            local /= np.linalg.norm(local, axis=1, keepdims=True)
+            self._tables[rows, side] = self.radiance(local @ self.world_from_light.T, solid_angle)
+        return self._tables[rows, side]
+
+    def _filtered_map(self, solid_angle: float) -> F32:
+        """The dome on an equal-area octahedral square with a gutter: (rows + 2, rows + 2, 3)."""
+        rows = _map_rows(solid_angle)
+        if rows not in self._filtered:
+            self._filtered[rows] = _with_gutter(self._splat(rows))
+        return self._filtered[rows]
+
+    def _splat(self, rows: int) -> F32:
+        """Spreads the pixels over a map (rows, rows, 3), each with its solid angle, by tents."""
+        height, width = self.pixels.shape[:2]
+        k = max(1, int(np.ceil(np.sqrt(24 * rows * rows / (height * width)))))  # parts of a pixel, each way
+        block = max(1, (1 << 19) // (width * k * k))  # rows of pixels at a time
+        total = np.zeros((4, (rows + 2) ** 2))
+        for first in range(0, height, block):
+            r = np.arange(first * k, min(first + block, height) * k)
+            local, weight = _latlong_cells(r, height * k, width * k)
+            value = self.pixels[np.arange(first, min(first + block, height))]
+            if k > 1:
+                value = _bilinear_latlong(self.pixels, local)
+            value = value.reshape(-1, 3)
+            corner, share = _tent(square_of(local), rows)
+            for dy, dx in ((0, 0), (0, 1), (1, 0), (1, 1)):
+                w = share[:, dx, 0] * share[:, dy, 1] * weight
+                index = corner + dy * (rows + 2) + dx
+                total[3] += np.bincount(index, w, (rows + 2) ** 2)
+                for c in range(3):
+                    total[c] += np.bincount(index, w * value[:, c], (rows + 2) ** 2)
+        total = _fold_gutter(total.reshape(4, rows + 2, rows + 2))
+        image = (total[:3] / np.maximum(total[3], 1e-300)).astype(np.float64)
+        # Texels differ a little in the solid angle they got: hand the energy back as a whole.
+        sent, kept = total[:3].sum((1, 2)), image.sum((1, 2)) * (4 * np.pi / rows**2)
+        image *= np.where(kept > 0, sent / np.where(kept > 0, kept, 1), 1)[:, None, None]
+        return np.ascontiguousarray(np.moveaxis(image, 0, -1), np.float32)
+
+    # ── drawing directions ───────────────────────────────────────────────────────────────────────
+
+    def _build_table(self) -> None:
+        height, width = self.pixels.shape[:2]
+        h, w = min(height, TABLE_ROWS), min(width, 2 * TABLE_ROWS)
+        row_edges, column_edges = np.arange(h + 1) * height // h, np.arange(w + 1) * width // w
+        luminance = _mean_of_bilinear(self.pixels @ LUMINANCE.astype(np.float32)).astype(np.float64)
+        sines = np.sin(np.pi * (0.5 - np.arange(height + 1) / height))
+        energy = luminance * (sines[:-1] - sines[1:])[:, None]
+        energy = np.add.reduceat(np.add.reduceat(energy, row_edges[:-1], 0), column_edges[:-1], 1)
+        self._sine_edges = sines[row_edges]
+        self._column_edges = column_edges / width
+        solid = 2 * np.pi * np.outer(-np.diff(self._sine_edges), np.diff(self._column_edges))
+        total = energy.sum()
+        share = energy / total if total > 0 else solid / (4 * np.pi)
+        self.luminous_energy = float(total * 2 * np.pi / width)  # integral of luminance over the sphere
+        self._density: F64 = share / solid
+        rows = share.sum(1)
+        self._row_cdf = np.concatenate([[0], np.cumsum(rows)])
+        self._row_cdf /= self._row_cdf[-1]
+        inner = np.cumsum(share / np.where(rows > 0, rows, 1)[:, None], 1)
+        inner /= np.where(rows > 0, inner[:, -1], 1)[:, None]
+        # One increasing list for all rows: row i's distribution runs from i to i + 1.
+        self._column_cdf = (np.arange(h)[:, None] + np.concatenate([np.zeros((h, 1)), inner], 1)).ravel()
+
+    def sample(self, u: NDArray) -> tuple[F32, F32, F32]:
+        """Draws directions by luminance.
+
+        Args:
+            u: (n, 2) in [0, 1).
+
+        Returns:
+            direction (n, 3) unit, world space; radiance (n, 3); pdf (n,) [1/sr], always positive.
+        """
+        u = np.asarray(u, np.float64)
+        w = self._density.shape[1]
+        row, v = _invert(self._row_cdf, u[:, 0])
+        at, s = _invert(self._column_cdf, row + np.clip(u[:, 1], 0, 1 - 1e-12))
+        column = np.clip(at - row * (w + 1), 0, w - 1)
+        sine = self._sine_edges[row] + v * (self._sine_edges[row + 1] - self._sine_edges[row])
+        edge = self._column_edges
+        longitude = np.pi * (1 - 2 * (edge[column] + s * (edge[column + 1] - edge[column])))
+        cosine = np.sqrt(np.maximum(1 - sine * sine, 0))
+        local = np.stack([cosine * np.sin(longitude), sine, cosine * np.cos(longitude)], 1)
+        world = (local @ self.world_from_light.T).astype(np.float32)
+        return world, self.radiance(world), self._density[row, column].astype(np.float32)
+
+    def pdf(self, directions: NDArray) -> F32:
+        """Returns the density (n,) [1/sr] with which `sample` draws unit directions (n, 3)."""
+        local = np.asarray(directions, np.float64) @ self.world_from_light
+        h, w = self._density.shape
+        row = np.searchsorted(-self._sine_edges, -local[:, 1], "right") - 1
+        share = 0.5 - np.arctan2(local[:, 0], local[:, 2]) / (2 * np.pi)
+        column = np.searchsorted(self._column_edges, share, "right") - 1
+        return self._density[np.clip(row, 0, h - 1), np.clip(column, 0, w - 1)].astype(np.float32)
+
+    def without_peaks(self, solid_angle: float = 0.1, share: float = 0.01) -> tuple[Dome, Dome | None]:
+        """Splits off small bright places (a sun), which have to be drawn rather than filtered.
+
+        Args:
+            solid_angle: [sr] that the peaks may fill together.
+            share: of the energy, below which nothing is split off.
+
+        Returns:
+            the dome with its brightest places cut down, and a dome that holds only what was cut off.
+        """
+        height, width = self.pixels.shape[:2]
+        if height * width == 1:
+            return self, None
+        luminance = self.pixels @ LUMINANCE.astype(np.float32)
+        sines = np.sin(np.pi * (0.5 - np.arange(height + 1) / height))
+        solid = np.broadcast_to(((sines[:-1] - sines[1:]) * 2 * np.pi / width)[:, None], (height, width))
+        mean = (luminance * solid).sum() / (4 * np.pi)
+        order = np.argsort(luminance, axis=None)[::-1]
+        filled = np.cumsum(solid.ravel()[order])
+        cut = max(8 * mean, float(luminance.ravel()[order[np.searchsorted(filled, solid_angle)]]))
+        over = np.maximum(1 - cut / np.maximum(luminance, 1e-30), 0)
+        if (luminance * over * solid).sum() <= share * mean * 4 * np.pi:
+            return self, None
+        plain = replace(self.light, radiance=(1.0, 1.0, 1.0))
+        return Dome(plain, self.pixels * (1 - over)[..., None]), Dome(plain, self.pixels * over[..., None])
+
+
+# ── latlong ──────────────────────────────────────────────────────────────────────────────────────
+
+
+def _latlong_cells(rows: NDArray, height: int, width: int) -> tuple[F32, F64]:
+    """Centres (n, 3) and solid angles (n,) of the cells of some rows of a latlong picture."""
+    latitude = np.pi * (0.5 - (rows + 0.5) / height)
+    longitude = np.pi * (1 - 2 * (np.arange(width) + 0.5) / width)
+    c, s = np.cos(latitude)[:, None], np.sin(latitude)[:, None]
+    local = np.stack(np.broadcast_arrays(c * np.sin(longitude), s, c * np.cos(longitude)), -1)
+    # sin(top) - sin(bottom) = 2 cos(middle) sin(half a row)
+    solid = 2 * np.cos(latitude) * np.sin(np.pi / (2 * height)) * (2 * np.pi / width)
+    return local.reshape(-1, 3).astype(np.float32), np.repeat(solid, width)
+
+
+def _bilinear_latlong(pixels: F32, local: NDArray) -> F32:
+    """Reads a latlong picture (H, W, 3) along local unit directions (n, 3)."""
+    height, width = pixels.shape[:2]
+    flat = pixels.reshape(-1, 3)
+    if len(flat) == 1:
+        return np.repeat(flat, len(local), 0)
+    x, y, z = np.asarray(local, np.float32).T
+    s = (0.5 - np.arctan2(x, z) * np.float32(0.5 / np.pi)) * width - np.float32(0.5)
+    latitude = np.arctan2(y, np.hypot(x, z))  # arcsin would lose digits at the poles
+    t = np.clip((0.5 - latitude * np.float32(1 / np.pi)) * height - np.float32(0.5), 0, height - 1)
+    i, j = np.floor(s).astype(np.int32), np.minimum(t.astype(np.int32), max(height - 2, 0))
+    fs, ft = (s - i)[:, None], (t - j)[:, None]
+    i0, i1 = i % width, (i + 1) % width
+    top, bottom = j * width, np.minimum(j + 1, height - 1) * width
+    upper = flat[top + i0] * (1 - fs) + flat[top + i1] * fs
+    lower = flat[bottom + i0] * (1 - fs) + flat[bottom + i1] * fs
+    return upper * (1 - ft) + lower * ft
+
+
+def _mean_of_bilinear(image: NDArray) -> NDArray:
+    """Mean over each pixel's cell of the picture (H, W) read bilinearly: weights 1/8, 3/4, 1/8 each way."""
+    across = 0.75 * image + 0.125 * (np.roll(image, 1, 1) + np.roll(image, -1, 1))
+    padded = np.concatenate([across[:1], across, across[-1:]], 0)
+    return 0.75 * across + 0.125 * (padded[:-2] + padded[2:])
+
+
+def _invert(cdf: F64, u: F64) -> tuple[NDArray[np.int64], F64]:
+    """Finds cell and position inside it (0..1) at which an increasing list reaches u."""
+    cell = np.clip(np.searchsorted(cdf, u, "right") - 1, 0, len(cdf) - 2)
+    step = cdf[cell + 1] - cdf[cell]
+    return cell, np.clip((u - cdf[cell]) / np.where(step > 0, step, 1), 0, 1)
+
+
+# ── equal-area octahedral map ────────────────────────────────────────────────────────────────────
+
+
+def square_of(local: NDArray) -> F32:
+    """Maps unit directions (n, 3) to [0, 1]^2, keeping areas: 4 pi sr fill the square.
+
+    Source: Clarberg 2008, Fast equal-area mapping of the (hemi)sphere using SIMD.
+    """
+    x, y, z = np.asarray(local, np.float32).T
+    across = np.hypot(x, y)
+    # sqrt(1 - |z|) without cancellation near the poles
+    r = across / np.sqrt(1 + np.minimum(np.abs(z), 1))
+    v = np.arctan2(np.abs(y), np.abs(x)) * np.float32(2 / np.pi) * r
+    u = r - v
+    below = z < 0
+    u, v = np.where(below, 1 - v, u), np.where(below, 1 - u, v)
+    return np.clip(np.stack([np.copysign(u, x), np.copysign(v, y)], 1) * 0.5 + 0.5, 0, 1).astype(np.float32)
+
+
+def table_index(local: NDArray, side: int = 512) -> NDArray[np.int32]:
+    """Returns the entry of `Dome.table` for local directions (..., 3), of any length."""
+    x, y, z = local[..., 0], local[..., 1], local[..., 2]
+    scale = 1 / (np.abs(x) + np.abs(y) + np.abs(z))
+    u, v = x * scale, y * scale
+    fold = z < 0
+    u, v = np.where(fold, np.copysign(1 - np.abs(v), u), u), np.where(fold, np.copysign(1 - np.abs(u), v), v)
+    half = np.float32(side / 2)
+    i = np.minimum((u * half + half).astype(np.int32), side - 1)
+    return np.minimum((v * half + half).astype(np.int32), side - 1) * side + i
+
+
+def _map_rows(solid_angle: float) -> int:
+    """Rows of the filtered map; in steps of a quarter of an octave above 64, so that few are kept."""
+    rows = FILTER_TEXELS * np.sqrt(4 * np.pi / solid_angle)
+    return max(4, int(np.ceil(rows if rows < 64 else 2 ** (np.ceil(4 * np.log2(rows)) / 4))))
+
+
+def _tent(square: F32, rows: int) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
+    """Index of the first of four texels in the map with gutter, and the shares (n, first | second, x | y)."""
+    at = square * rows + np.float32(0.5)
+    low = np.minimum(at.astype(np.int64), rows)
+    f = at - low
+    return low[:, 1] * (rows + 2) + low[:, 0], np.stack([1 - f, f], 1)
+
+
+def _read_map(image: F32, square: F32) -> F32:
+    """Reads a map with gutter (rows + 2, rows + 2, 3) bilinearly."""
+    rows = len(image) - 2
+    corner, share = _tent(square, rows)
+    flat = image.reshape(-1, 3)
+    out = np.zeros((len(square), 3), np.float32)
+    for dy, dx in ((0, 0), (0, 1), (1, 0), (1, 1)):
+        out += flat[corner + dy * (rows + 2) + dx] * (share[:, dx, 0] * share[:, dy, 1])[:, None]
+    return out
+
+
+def _with_gutter(image: F32) -> F32:
+    """Adds the texels across the borders of the square: each border is glued to itself, turned round."""
+    rows = len(image)
+    out = np.zeros((rows + 2, rows + 2, *image.shape[2:]), image.dtype)
+    out[1:-1, 1:-1] = image
+    out[0, 1:-1], out[-1, 1:-1] = image[0, ::-1], image[-1, ::-1]
+    out[1:-1, 0], out[1:-1, -1] = image[::-1, 0], image[::-1, -1]
+    out[0, 0], out[0, -1], out[-1, 0], out[-1, -1] = image[-1, -1], image[-1, 0], image[0, -1], image[0, 0]
+    return out
+
+
+def _fold_gutter(total: NDArray) -> NDArray:
+    """Adds what fell on the gutter of (c, rows + 2, rows + 2) to the texels that it stands for."""
+    inner = total[:, 1:-1, 1:-1].copy()
+    inner[:, 0] += total[:, 0, -2:0:-1]
+    inner[:, -1] += total[:, -1, -2:0:-1]
+    inner[:, :, 0] += total[:, -2:0:-1, 0]
+    inner[:, :, -1] += total[:, -2:0:-1, -1]
+    inner[:, -1, -1] += total[:, 0, 0]
+    inner[:, -1, 0] += total[:, 0, -1]
+    inner[:, 0, -1] += total[:, -1, 0]
+    inner[:, 0, 0] += total[:, -1, -1]
+    return inner
