@@ -11,7 +11,6 @@ import os
 import tempfile
 import zipfile
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 
@@ -22,27 +21,9 @@ from numpy.typing import ArrayLike, NDArray
 from usdslf.color import USD_DEFAULT_SPACE, Color, color_of
 from usdslf.errors import InputError
 from usdslf.scene import F32, Texture
+from usdslf.texels import EDGE, WRAPS, Texels, bilinear, st_of_format
 
-WRAPS = ("black", "clamp", "repeat", "mirror")
 _RAW_PIXELS = {"oiio:UnassociatedAlpha": 1}  # rgb as stored, not multiplied by alpha
-_EDGE = 1e-5  # st this far outside 0..1 still counts as inside for wrap mode black
-
-
-@dataclass(frozen=True)
-class Texels:
-    """One image in memory.
-
-    `values` (H, W, C) are code values where `table` (256, C) converts them, else working-space pixels.
-    """
-
-    values: NDArray
-    table: F32 | None = None
-
-    def at(self, y: NDArray, x: NDArray) -> F32:
-        """Returns texels (n, 4): grey is spread over rgb, a missing alpha is 1."""
-        v = self.values[y, x]
-        out = v.astype(np.float32) if self.table is None else self.table[v, np.arange(v.shape[-1])]
-        return _four_channels(out)
 
 
 def why_unreadable(path: str) -> str:
@@ -66,23 +47,36 @@ def wrap_modes(path: str) -> tuple[str, str]:
     return modes[0], modes[-1]
 
 
-def is_8_bit(path: str) -> bool:
-    """Whether a file holds 8 bit code values."""
+def is_integer(path: str) -> bool:
+    """Whether a file holds code values of 8 or 16 bits, which stand for 0..1."""
     try:
         image = _open(path)
     except OSError:
         return False
-    found = bool(image.spec().format == oiio.UINT8)
+    found = image.spec().format in (oiio.UINT8, oiio.UINT16)
     image.close()
+    return found
+
+
+def unreadable(texture: Texture, color: Color | None = None) -> list[tuple[str, str]]:
+    """Returns the files of a texture that cannot be read, pixels included, each with the reason.
+
+    What can be read is kept, so that sampling finds it in memory.
+    """
+    color, found = color or color_of(), []
+    for _, path in _files(texture):
+        try:
+            _load(path, _stamp(path), texture.color_space, color)
+        except OSError as e:
+            found.append((path, str(e)))
     return found
 
 
 def load_texture(texture: Texture, color: Color | None = None) -> dict[int, Texels]:
     """Returns the readable images of a texture by UDIM tile; a plain texture is {0: texels}."""
     color = color or color_of()
-    files = texture.tiles or (((0, texture.path),) if texture.path and "<UDIM>" not in texture.path else ())
     found = {}
-    for tile, path in files:
+    for tile, path in _files(texture):
         try:
             found[tile] = _load(path, _stamp(path), texture.color_space, color)
         except OSError:
@@ -105,19 +99,19 @@ def sample_texture(texture: Texture, st: ArrayLike, color: Color | None = None) 
     finite = np.isfinite(st).all(1)
     if 0 in tiles:
         ok = np.nonzero(finite)[0]
-        out[ok] = _bilinear(tiles[0], st[ok], texture.wrap_s, texture.wrap_t) * scale + bias
+        out[ok] = bilinear(tiles[0], st[ok], texture.wrap_s, texture.wrap_t) * scale + bias
         return out
     # A point on the upper edge of a tile whose neighbour is missing belongs to the tile.
-    cell = np.floor(np.where(finite[:, None], st, -1.0)).astype(np.int64)
+    cell: NDArray[np.int64] = np.floor(np.where(finite[:, None], st, -1.0)).astype(np.int64)
     number = 1001 + cell[:, 0] + 10 * cell[:, 1]
-    back = np.floor(np.where(finite[:, None], st, -1.0) - _EDGE).astype(np.int64)
-    missing = ~np.isin(number, list(tiles))
+    back: NDArray[np.int64] = np.floor(np.where(finite[:, None], st, -1.0) - EDGE).astype(np.int64)
+    missing = np.nonzero(~np.isin(number, list(tiles)))[0]
     cell[missing] = back[missing]
     number = np.where((cell[:, 0] >= 0) & (cell[:, 0] < 10), 1001 + cell[:, 0] + 10 * cell[:, 1], 0)
     for tile, texels in tiles.items():
         ok = np.nonzero(number == tile)[0]
         if len(ok):
-            out[ok] = _bilinear(texels, st[ok] - cell[ok], "clamp", "clamp") * scale + bias
+            out[ok] = bilinear(texels, st[ok] - cell[ok], "clamp", "clamp") * scale + bias
     return out
 
 
@@ -145,8 +139,8 @@ def load_latlong(
         y, x = np.indices((height, width)).reshape(2, -1)
         return texels.at(y, x)[:, :3].reshape(height, width, 3)
     rows = max(2, height // 2)
-    st, inside = _st_of_format(format, latlong_directions(rows, 2 * rows))
-    out = _bilinear(texels, st, "clamp", "clamp")[:, :3] * inside[:, None]
+    st, inside = st_of_format(format, latlong_directions(rows, 2 * rows))
+    out = bilinear(texels, st, "clamp", "clamp")[:, :3] * inside[:, None]
     return out.reshape(rows, 2 * rows, 3).astype(np.float32)
 
 
@@ -234,6 +228,13 @@ def write_image(
 
 
 # ---- loading ---------------------------------------------------------------------------------
+def _files(texture: Texture) -> tuple[tuple[int, str], ...]:
+    """Returns (UDIM tile, file); a plain texture has tile 0."""
+    if texture.tiles or "<UDIM>" in texture.path:
+        return texture.tiles
+    return ((0, texture.path),) if texture.path else ()
+
+
 def _stamp(path: str) -> int:
     """Time of last change, so that a changed file is read again."""
     try:
@@ -277,7 +278,7 @@ def _load(path: str, stamp: int, color_space: str, color: Color) -> Texels:
     """Reads an image; `stamp` is part of the key only."""
     image = _open(path)
     spec = image.spec()
-    eight = spec.format == oiio.UINT8
+    eight = bool(spec.format == oiio.UINT8)
     used = min(spec.nchannels, 4)
     values = image.read_image(0, 0, 0, used, oiio.UINT8 if eight else oiio.FLOAT)
     error = image.geterror() if values is None or image.has_error else ""
@@ -321,80 +322,3 @@ def _table(space: str, channels: int, color: Color) -> F32:
     colors = 1 if channels < 3 else 3
     table[:, :colors] = color.to_working(np.repeat(code[:, None], 3, 1), space)[:, :colors]
     return table
-
-
-def _four_channels(v: F32) -> F32:
-    """Returns (n, 4) of (n, 1..4): grey is spread over rgb, a missing alpha is 1."""
-    count = v.shape[-1]
-    if count == 4:
-        return v
-    out = np.ones((len(v), 4), np.float32)
-    out[:, :3] = v[:, :1] if count < 3 else v
-    if count == 2:
-        out[:, 3] = v[:, 1]
-    return out
-
-
-# ---- sampling --------------------------------------------------------------------------------
-def _bilinear(texels: Texels, st: NDArray[np.float64], wrap_s: str, wrap_t: str) -> F32:
-    """Returns texels (n, 4) interpolated at st (n, 2)."""
-    height, width = texels.values.shape[:2]
-    x0, x1, fx, in_s = _neighbours(st[:, 0], width, wrap_s)
-    y0, y1, fy, in_t = _neighbours(1.0 - st[:, 1], height, wrap_t)
-    if width == height == 1:
-        out = texels.at(y0, x0)
-    else:
-        upper = texels.at(y0, x0) * (1 - fx) + texels.at(y0, x1) * fx
-        lower = texels.at(y1, x0) * (1 - fx) + texels.at(y1, x1) * fx
-        out = upper * (1 - fy) + lower * fy
-    if not (in_s.all() and in_t.all()):
-        out = out * (in_s & in_t)[:, None]
-    return np.asarray(out, np.float32)
-
-
-def _neighbours(s: NDArray[np.float64], size: int, wrap: str) -> tuple[NDArray, NDArray, F32, NDArray]:
-    """Returns the two texels beside each coordinate, the weight (n, 1) of the second, and what is inside."""
-    inside = np.ones(len(s), bool)
-    if wrap == "repeat":
-        s = s - np.floor(s)
-    elif wrap == "mirror":
-        s = 1 - np.abs(1 - np.mod(s, 2))
-    else:
-        inside = (s >= -_EDGE) & (s <= 1 + _EDGE) if wrap == "black" else inside
-        s = np.clip(s, 0, 1)
-    x = s * size - 0.5
-    low = np.floor(x)
-    weight = (x - low).astype(np.float32)[:, None]
-    i0 = low.astype(np.int64)
-    i1 = i0 + 1
-    if wrap == "repeat":
-        return i0 % size, i1 % size, weight, inside
-    return np.clip(i0, 0, size - 1), np.clip(i1, 0, size - 1), weight, inside
-
-
-def _st_of_format(format: str, d: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """Returns where directions (n, 3) lie in a mirrored ball, an angular map or a vertical cross.
-
-    Ball and angular map look along -Z from the front, which is +Z in the middle of the picture; the cross
-    has +Y on top, then -X +Z +X side by side, -Y, and -Z (upside down) at the bottom.
-    """
-    inside = np.ones(len(d), bool)
-    radial = np.hypot(d[:, 0], d[:, 1])
-    unit = d[:, :2] / np.maximum(radial, 1e-12)[:, None]
-    if format == "angular":
-        r = np.arccos(np.clip(d[:, 2], -1, 1)) / np.pi
-        return 0.5 + 0.5 * unit * r[:, None], inside
-    if format == "mirroredBall":
-        r = np.sqrt(np.clip(0.5 * (1 - d[:, 2]), 0, 1))  # sin of half the angle to +Z
-        return 0.5 + 0.5 * unit * r[:, None], inside
-    axis = np.abs(d).argmax(1)
-    major = np.take_along_axis(d, axis[:, None], 1)[:, 0]
-    side = major >= 0
-    a = d / np.maximum(np.abs(major), 1e-12)[:, None]
-    x, y, z = a.T
-    # middle of the face in the 3 x 4 grid (from the lower left), and the position on it in -1..1
-    column = np.where(axis == 0, np.where(side, 2, 0), 1)
-    row = np.select([(axis == 1) & side, axis == 1, (axis == 2) & ~side], [3, 1, 0], 2)
-    u = np.select([axis == 0], [np.where(side, -z, z)], x)
-    v = np.select([(axis == 1) & side, axis == 1, (axis == 2) & ~side], [-z, z, -y], y)
-    return np.stack([(column + 0.5 + 0.5 * u) / 3, (row + 0.5 + 0.5 * v) / 4], -1), inside

@@ -8,6 +8,7 @@ Anything else becomes a stand-in (displayColor, else grey) that says why it cann
 from __future__ import annotations
 
 import math
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from typing import Any
 
@@ -17,6 +18,7 @@ from pxr import Sdf, Usd, UsdGeom, UsdShade
 from usdslf import images
 from usdslf.color import USD_DEFAULT_SPACE, Color
 from usdslf.scene import Input, Material, Mesh, PrimvarInput, Texture, constant
+from usdslf.texels import WRAPS
 from usdslf.usd.notes import Notes
 
 PREVIEW = "UsdPreviewSurface"
@@ -85,7 +87,19 @@ class MaterialTable:
                 self._notes.add(reason, prim)
         if not seen.all():
             meshes = [replace(m, material_of_triangle=number[m.material_of_triangle]) for m in meshes]
-        return meshes, [m for m, s in zip(self.materials, seen, strict=True) if s]
+        materials = [m for m, s in zip(self.materials, seen, strict=True) if s]
+        self._load_textures(materials)
+        return meshes, materials
+
+    def _load_textures(self, materials: list[Material]) -> None:
+        """Brings all textures into memory, several files at a time, and notes what cannot be read."""
+        textures = {v: None for m in materials for v in vars(m).values() if isinstance(v, Texture)}
+        with ThreadPoolExecutor() as pool:
+            results = pool.map(lambda t: images.unreadable(t, self._color), textures)
+            for texture, troubles in zip(textures, results, strict=True):
+                for file, why in troubles:
+                    reason = f"texture {file} of {{}} cannot be read ({why}): its fallback is used"
+                    self._notes.add(reason, texture.prim)
 
     def _number(self, key: Any, material: Material) -> int:
         if key not in self._index:
@@ -135,8 +149,7 @@ class MaterialTable:
         values |= {f: read.value(n, (fb,)) for f, (n, fb) in _SCALARS.items()}
         normal = read.value("normal", (0.0, 0.0, 1.0))
         if isinstance(normal, Texture):
-            self._check_normal_map(normal)
-            values["normal"] = normal
+            values["normal"] = self._normal_map(normal)
         displacement = read.value("displacement", (0.0,))
         if not isinstance(displacement, np.ndarray) or displacement[0] != 0:
             self._notes.add("displacement of {} is not shown", shader.GetPath())
@@ -149,12 +162,22 @@ class MaterialTable:
             **values,
         )
 
-    def _check_normal_map(self, texture: Texture) -> None:
-        """Notes a normal map whose texels, as authored, cannot be vectors in -1..1."""
-        unscaled = texture.bias[:2] == (0.0, 0.0) and texture.scale[:2] == (1.0, 1.0)
-        if unscaled and images.is_8_bit(texture.path):
-            reason = "normal map {} has 8 bits but no scale 2 and bias -1: taken as authored"
-            self._notes.add(reason, texture.prim)
+    def _normal_map(self, texture: Texture) -> Texture:
+        """Returns a normal map whose integer texels are vectors in -1..1, as they are meant; notes repairs.
+
+        Exporters leave out scale 2 and bias -1, or the raw colour space, without which no such file can mean
+        a direction on both sides of the normal.
+        """
+        file = texture.tiles[0][1] if texture.tiles else texture.path
+        if not images.is_integer(file):
+            return texture
+        if texture.scale[:2] == (1.0, 1.0) and texture.bias[:2] == (0.0, 0.0):
+            self._notes.add("normal map {} has no scale 2 and bias -1: read as if it had", texture.prim)
+            texture = replace(texture, scale=(2.0, 2.0, 2.0, 1.0), bias=(-1.0, -1.0, -1.0, 0.0))
+        if not self._color.is_data(texture.color_space):
+            self._notes.add("normal map {} is not marked raw: read as raw", texture.prim)
+            texture = replace(texture, color_space="raw")
+        return texture
 
 
 def bound_material(prim: Usd.Prim) -> UsdShade.Material:
@@ -280,17 +303,13 @@ class _Network:
         if color_space not in ("auto", "") and not self.color.knows(color_space):
             self.notes.add(f"colour space {color_space} of {{}} is unknown: taken as auto", prim)
             color_space = "auto"
-        for file in [f for _, f in tiles] or ([path] if path else []):
-            why = images.why_unreadable(file)
-            if why:
-                self.notes.add(f"texture {file} of {{}} cannot be read ({why}): its fallback is used", prim)
         return Texture(
             prim=str(prim),
             path=path,
             tiles=tiles,
             color_space=color_space,
-            wrap_s=wraps[0] if wraps[0] in images.WRAPS else "black",
-            wrap_t=wraps[1] if wraps[1] in images.WRAPS else "black",
+            wrap_s=wraps[0] if wraps[0] in WRAPS else "black",
+            wrap_t=wraps[1] if wraps[1] in WRAPS else "black",
             scale=_four(self.plain("scale", (1.0, 1.0, 1.0, 1.0))),
             bias=_four(self.plain("bias", (0.0, 0.0, 0.0, 0.0))),
             fallback=_four(self.plain("fallback", (0.0, 0.0, 0.0, 1.0))),
