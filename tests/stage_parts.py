@@ -137,9 +137,9 @@ def torus(radius: float = 0.42, tube: float = 0.16, lying: bool = True) -> MeshD
         -1,
     ).reshape(-1, 3)
     if lying:
-        return MeshData(mesh.positions + [0, tube, 0], mesh.counts, mesh.indices, normals, mesh.uvs)
+        return MeshData(mesh.positions + np.array([0, tube, 0]), mesh.counts, mesh.indices, normals, mesh.uvs)
     turn = np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0.0]])
-    stood = mesh.positions @ turn.T + [0, radius + tube, 0]
+    stood = mesh.positions @ turn.T + np.array([0, radius + tube, 0])
     return MeshData(stood, mesh.counts, mesh.indices, normals @ turn.T, mesh.uvs)
 
 
@@ -202,7 +202,7 @@ def box(x: float, y: float, z: float) -> MeshData:
             corners[:, u] = [-1, 1, 1, -1]
             corners[:, v] = [-1, -1, 1, 1]
             faces.append(corners if side > 0 else corners[::-1])
-    positions = np.concatenate(faces) * [x / 2, y / 2, z / 2] + [0, y / 2, 0]
+    positions = np.concatenate(faces) * [x / 2, y / 2, z / 2] + np.array([0, y / 2, 0])
     uvs = np.tile([[0, 0], [1, 0], [1, 1], [0, 1.0]], (6, 1))
     return MeshData(positions, np.full(6, 4), np.arange(24), None, uvs)
 

@@ -160,4 +160,7 @@ TUNING = [
     ),
 ]
 
+# Cases that no method can decide, with the reason.
+UNDECIDABLE: dict[str, str] = {}
+
 CASES = TUNING

@@ -4,8 +4,8 @@
 
 For each case: the picture before and after its change; 24 dabs on the subject where the picture changed
 visibly; for each dab the mean radiance over its footprint after the change, from rays of its own, until the
-noise of the means (90th percentile) is below 1 %.  What is saved, as truth/NAME.json, is what a painter would have said, in
-three ways, and the true parameters:
+noise of nine means in ten is below 1 %.  What is saved, as truth/NAME.json, is what a painter would have
+said, in three ways, and the true parameters:
 
     exact    the true means
     uneven   times a smooth error of brightness (10 % RMS over the stroke) and one tint (5 % RMS)
@@ -157,7 +157,7 @@ def in_order(xy: NDArray) -> NDArray:
 
 
 def dab_radiance(tracer: Tracer, xy: NDArray, most_rounds: int, seed: int) -> tuple[NDArray, NDArray]:
-    """Returns mean radiances (n, 3) over the dabs and the relative standard errors (n,) of their luminance."""
+    """Returns mean radiances (n, 3) over the dabs and their relative standard errors (n,)."""
     rng = np.random.default_rng(seed)
     means: list[NDArray] = []
     while True:
@@ -213,7 +213,9 @@ def true_surface(case: Case, folder: Path, xy: NDArray, changed: bool) -> dict[s
 
 def rounded(values: NDArray) -> list:
     """Five significant digits, as lists."""
-    return json.loads(json.dumps(np.asarray(values, float).tolist()), parse_float=lambda t: float(f"{float(t):.5g}"))
+    return json.loads(
+        json.dumps(np.asarray(values, float).tolist()), parse_float=lambda t: float(f"{float(t):.5g}")
+    )
 
 
 def save_pictures(path: Path, before: NDArray, after: NDArray, xy: NDArray) -> None:
@@ -245,7 +247,8 @@ def main() -> None:
         path.write_text(compact(text) + "\n")
         print(
             f"{case.name:45s} dabs {len(truth['xy']):2d}  change {truth['change']['median']:.3f}"
-            f"  noise {truth['noise']['median']:.4f} most {truth['noise']['most']:.4f}  {truth['seconds']:.0f} s",
+            f"  noise {truth['noise']['median']:.4f} most {truth['noise']['most']:.4f}"
+            f"  {truth['seconds']:.0f} s",
             flush=True,
         )
 

@@ -24,7 +24,7 @@ def find_llvm() -> str:
     folders = [
         Path(p) for p in ("/usr/lib/x86_64-linux-gnu", "/usr/lib/aarch64-linux-gnu", "/usr/lib64", "/usr/lib")
     ]
-    folders += sorted(Path("/usr/lib").glob("llvm-*/lib")) + [Path("/opt/homebrew/opt/llvm/lib")]
+    folders += [*sorted(Path("/usr/lib").glob("llvm-*/lib")), Path("/opt/homebrew/opt/llvm/lib")]
     for folder in folders:
         for file in folder.glob("libLLVM*") if folder.is_dir() else ():
             found = re.search(r"libLLVM(?:-|\.so\.|\.)(\d+)", file.name)

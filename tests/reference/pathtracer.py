@@ -155,7 +155,7 @@ def camera_aperture(stage: Usd.Stage, path: str, aspect: float, time: Usd.TimeCo
 def camera_rays(
     stage: Usd.Stage, path: str, xy: NDArray, aspect: float, time: float | None = None
 ) -> tuple[NDArray, NDArray]:
-    """Returns origins and unit directions (n, 3) through picture positions xy (n, 2), 0..1, origin top left."""
+    """Returns origins and unit directions (n, 3) through places xy (n, 2), in 0..1 from the top left."""
     code = Usd.TimeCode.EarliestTime() if time is None else Usd.TimeCode(time)
     eye, axes = camera_frame(stage, path, code)
     width, height, x0, y0 = camera_aperture(stage, path, aspect, code)

@@ -227,12 +227,12 @@ class UsdPreviewSurface(mi.BSDF):
 
 
 def _color(props: Any, name: str, default: float) -> Any:
-    value = props[name] if name in props else default
+    value = props.get(name, default)
     return value if hasattr(value, "eval") else mi.Color3f(value)
 
 
 def _scalar(props: Any, name: str, default: float) -> Any:
-    value = props[name] if name in props else default
+    value = props.get(name, default)
     return value if hasattr(value, "eval_1") else mi.Float(value)
 
 
