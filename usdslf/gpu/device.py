@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import threading
 import warnings
 from typing import Any
 
@@ -27,6 +28,7 @@ class Kernel:
     def __init__(self, kernel: Any, queue: Any) -> None:
         self._kernel = kernel
         self._queue = queue
+        self._lock = threading.Lock()  # arguments are set one by one, then the kernel is enqueued
 
     def __call__(self, global_size: tuple[int, ...], local_size: tuple[int, ...] | None, *args: Any) -> None:
         """Enqueues the kernel; arrays of the device are passed as their buffers, Python numbers are not accepted."""
@@ -34,7 +36,8 @@ class Kernel:
             return
         plain = [a.base_data if isinstance(a, cla.Array) else a for a in args]
         try:
-            self._kernel(self._queue, global_size, local_size, *plain)
+            with self._lock:
+                self._kernel(self._queue, global_size, local_size, *plain)
         except cl.Error as error:
             raise _device_error(error, self._kernel.function_name) from error
 
