@@ -11,6 +11,7 @@ full detail, corners get no leaks, and no path is long enough to be noisy.
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, fields
 from typing import Any, Protocol
 
@@ -18,11 +19,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdslf.gpu.device import Device
-from usdslf.light_set import Arrival, LightSet, Source, luminance
+from usdslf.light_set import Arrival, LightSet, Source, brightest, dot, luminance
 from usdslf.scene import F32, I32, Scene
 from usdslf.surface import SurfacePoints, evaluate_surface
 from usdslf.visibility import Hits, RayTracer
 
+CHUNK = 1 << 14  # points that one thread works on: their rays stay in the caches
+GROUP = 64  # work items of a group
 WEIGHTS = 5  # X, Y, A, B, coat
 MIN_ALPHA = 4e-4  # kernels/render.cl
 FOOTPRINT = 12.0  # element areas that a ray's footprint must cover for the light field to be good enough
@@ -73,14 +76,14 @@ def shading_points(surface: SurfacePoints, view: F32, tracer: RayTracer) -> Shad
     A shading normal that points away from the viewer is bent until it is seen just so, and the chance of each lobe
     is set by what it reflects.
     """
-    side = np.where((surface.geometric_normal * view).sum(1, keepdims=True) < 0, np.float32(-1), np.float32(1))
+    side = np.where(dot(surface.geometric_normal, view) < 0, np.float32(-1), np.float32(1))[:, None]
     geometric, normal = surface.geometric_normal * side, surface.normal * side
-    facing = (normal * view).sum(1)
-    least = np.minimum(0.02, np.maximum((geometric * view).sum(1), 1e-3))
+    facing = dot(normal, view)
+    least = np.minimum(0.02, np.maximum(dot(geometric, view), 1e-3))
     lift = np.maximum(least - facing, 0)
     normal = normal + (1.5 * lift)[:, None] * view
-    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)
-    cosine = np.clip((normal * view).sum(1), 0, 1)
+    normal /= np.maximum(np.sqrt(dot(normal, normal)), 1e-12)[:, None]
+    cosine = np.clip(dot(normal, view), 0, 1)
     f = ((1 - cosine) ** 5)[:, None]
     specular = luminance(surface.f0 + (surface.f90 - surface.f0) * f)
     diffuse = luminance(surface.diffuse)
@@ -148,7 +151,7 @@ class Gatherer:
         if n == 0:
             return np.zeros((0, 2), np.float32)
         out = d.empty((n, 2), np.float32)
-        self._sequence((n,), None, np.uint32(n), np.uint32(seed), d.upload(index.astype(np.uint32)), out)
+        self._sequence((_up(n),), (GROUP,), np.uint32(n), np.uint32(seed), d.upload(index.astype(np.uint32)), out)
         return d.download(out)
 
     def sample_lobes(
@@ -162,7 +165,7 @@ class Gatherer:
         weight = d.empty((n, k, WEIGHTS), np.float32)
         up = [d.upload(a) for a in (index.astype(np.uint32), p.normal, p.view, p.lobes, p.coat)]
         sizes = np.uint32(n), np.uint32(k), np.uint32(seed)
-        self._sample((n * k,), None, *sizes, *up, direction, pdf, weight)
+        self._sample((_up(n * k),), (GROUP,), *sizes, *up, direction, pdf, weight)
         return d.download(direction), d.download(pdf), d.download(weight)
 
     def evaluate_lobes(self, p: ShadingPoints, direction: F32) -> tuple[F32, F32]:
@@ -172,7 +175,7 @@ class Gatherer:
             return np.zeros(0, np.float32), np.zeros((0, WEIGHTS), np.float32)
         pdf, weight = d.empty((n,), np.float32), d.empty((n, WEIGHTS), np.float32)
         up = [d.upload(a) for a in (p.normal, p.view, p.lobes, p.coat, direction)]
-        self._evaluate((n,), None, np.uint32(n), *up, pdf, weight)
+        self._evaluate((_up(n),), (GROUP,), np.uint32(n), *up, pdf, weight)
         return d.download(pdf), d.download(weight)
 
     # ── the first surface ────────────────────────────────────────────────────────────────────────
@@ -185,6 +188,17 @@ class Gatherer:
         Args:
             index: (n,) place of each point in the interleaving tile: its samples are `index * rays` and following.
         """
+        parts = [slice(i, i + CHUNK) for i in range(0, len(p), CHUNK)] or [slice(0, 0)]
+        with ThreadPoolExecutor(self.tracer.threads) as pool:
+            done = list(
+                pool.map(lambda part: self._gather(p[part], index[part], rays, light_samples, seed), parts)
+            )
+        columns = zip(*((i.direct, i.indirect, i.exact) for i in done), strict=True)
+        return Illumination(*(np.concatenate(c) for c in columns))
+
+    def _gather(
+        self, p: ShadingPoints, index: NDArray[np.uint32], rays: int, light_samples: int, seed: int
+    ) -> Illumination:
         n = len(p)
         direct = np.zeros((n, WEIGHTS, 3), np.float32)
         indirect = np.zeros((n, WEIGHTS, 3), np.float32)
@@ -226,9 +240,9 @@ class Gatherer:
         `ratio`: light samples for one ray of the lobes.
         """
         n = len(p)
-        useful = (arrival.pdf > 0) & (arrival.radiance.max(1) > 0)
-        above = (p.normal * arrival.direction).sum(1) > 0
-        above &= (p.geometric_normal * arrival.direction).sum(1) > 0
+        useful = (arrival.pdf > 0) & (brightest(arrival.radiance) > 0)
+        above = dot(p.normal, arrival.direction) > 0
+        above &= dot(p.geometric_normal, arrival.direction) > 0
         rows = np.flatnonzero(useful & above)
         q = p[rows]
         direction, distance = arrival.direction[rows], arrival.distance[rows]
@@ -264,7 +278,7 @@ class Gatherer:
             if source.is_delta or source.is_split:
                 continue
             distance, radiance, light_pdf = source.intersect(origin, direction)
-            rows = np.flatnonzero((radiance.max(1) > 0) & (distance <= met.distance))
+            rows = np.flatnonzero((brightest(radiance) > 0) & (distance <= met.distance))
             add(rows, radiance[rows] * np.float32(source.diffuse), light_pdf[rows], s)
         first = len(self.lights.placed)
         escaped = np.flatnonzero(met.triangle < 0)
@@ -297,7 +311,7 @@ class Gatherer:
         seed: int,
     ) -> tuple[F32, F32]:
         """Returns the radiance that arrives along rays: from lights (n, 3) and from surfaces (n, 3)."""
-        below = (geometric_normal * direction).sum(1)
+        below = dot(geometric_normal, direction)
         mirrored = below < 0  # seen by the shading normal only: folded up, else bumps would be black
         direction = np.where(mirrored[:, None], direction - 2 * below[:, None] * geometric_normal, direction)
         met = self.tracer.intersect(origin, direction)
@@ -308,7 +322,7 @@ class Gatherer:
             return lit, bounced
         triangle, barycentric, distance = met.triangle[rows], met.barycentric[rows], met.distance[rows]
         d = direction[rows]
-        cosine = np.abs((self.scene.triangles.face_normals[triangle] * d).sum(1))
+        cosine = np.abs(dot(self.scene.triangles.face_normals[triangle], d))
         footprint = distance**2 / np.maximum(pdf[rows] * np.maximum(cosine, 0.05), 1e-6)
         follow = footprint < self.footprint * self.element_area
         if depth > self.depth:
@@ -374,3 +388,7 @@ class Gatherer:
 def take_points(surface: SurfacePoints, rows: I32 | NDArray) -> SurfacePoints:
     """Returns some of the points."""
     return SurfacePoints(**{f.name: getattr(surface, f.name)[rows] for f in fields(surface)})
+
+
+def _up(n: int) -> int:
+    return -(-n // GROUP) * GROUP

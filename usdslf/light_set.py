@@ -56,6 +56,16 @@ def luminance(color: NDArray) -> NDArray[np.float32]:
     return np.asarray(color, np.float32) @ LUMINANCE
 
 
+def brightest(color: NDArray) -> NDArray:
+    """Returns the largest channel of (n, 3)."""
+    return np.maximum(np.maximum(color[:, 0], color[:, 1]), color[:, 2])
+
+
+def dot(a: NDArray, b: NDArray) -> NDArray:
+    """Returns the products of rows of (n, 3)."""
+    return np.einsum("nk,nk->n", a, b)
+
+
 class LightSource:
     """A UsdLux light with a place or a direction."""
 
@@ -89,8 +99,8 @@ class LightSource:
             near = np.flatnonzero(directions @ self._towards >= self._cosine)
         else:  # most rays pass the bounding sphere
             to = self._center - origins
-            along = np.einsum("nk,nk->n", to, directions)
-            off = np.einsum("nk,nk->n", to, to) - along * along
+            along = dot(to, directions)
+            off = dot(to, to) - along * along
             near = np.flatnonzero((along > -self._reach) & (off <= self._reach**2))
         if len(near):
             distance[near], radiance[near], pdf[near] = intersect_light(self.light, origins[near], directions[near])
@@ -100,7 +110,8 @@ class LightSource:
         if self.light.kind == "distant":
             solid = 2 * np.pi * (1 - np.cos(min(self.light.angle / 2, np.pi / 2))) if self.light.angle > 0 else 1.0
             return np.full(len(points), self._power * solid, np.float32)
-        d2 = ((points - self._center) ** 2).sum(1)
+        to = points - self._center
+        d2 = dot(to, to)
         return (self._power * self._area / (d2 + self._area)).astype(np.float32)
 
 
@@ -172,7 +183,7 @@ class EmissiveSurfaces:
         c = self._triangles.positions[triangle]
         at = c[:, 0] + barycentric[:, :1] * (c[:, 1] - c[:, 0]) + barycentric[:, 1:] * (c[:, 2] - c[:, 0])
         to = at - points
-        distance = np.sqrt((to * to).sum(1))
+        distance = np.sqrt(dot(to, to))
         direction = to / np.maximum(distance, 1e-20)[:, None]
         radiance = self.emission(triangle, barycentric)
         pdf = self.pdf(triangle, direction, distance)
@@ -187,11 +198,12 @@ class EmissiveSurfaces:
 
     def pdf(self, triangle: I32, direction: F32, distance: F32) -> NDArray[np.float32]:
         """Returns with which density (n,) [1/sr] sampling chooses points that rays hit."""
-        cosine = np.abs((self._triangles.face_normals[triangle] * direction).sum(1))
+        cosine = np.abs(dot(self._triangles.face_normals[triangle], direction))
         return self._pdf_area[triangle] * distance**2 / np.maximum(cosine, 1e-6)
 
     def importance(self, points: F32) -> NDArray[np.float32]:
-        d2 = ((points - self._center) ** 2).sum(1)
+        to = points - self._center
+        d2 = dot(to, to)
         return (self.flux / (d2 + self._size2)).astype(np.float32)
 
 
@@ -251,7 +263,7 @@ class LightSet:
             distance, shone, _ = source.intersect(origins, directions)
             wins = (distance < limit) & (distance < nearest)
             if source.light.kind == "distant":  # infinitely far: where nothing else is met
-                wins = (shone.max(1) > 0) & ~np.isfinite(limit) & ~np.isfinite(nearest)
+                wins = (brightest(shone) > 0) & ~np.isfinite(limit) & ~np.isfinite(nearest)
             nearest = np.where(wins, distance, nearest)
             radiance = np.where(wins[:, None], shone, radiance)
         return nearest, radiance

@@ -22,7 +22,7 @@ from usdslf.camera_rays import camera_rays, pixel_size
 from usdslf.errors import InputError
 from usdslf.final_gather import Gatherer, Illumination, RadianceOfHits, ShadingPoints, shading_points
 from usdslf.gpu.device import Device
-from usdslf.light_set import LightSet
+from usdslf.light_set import LightSet, brightest, dot
 from usdslf.scene import F32, Camera, Light, Scene
 from usdslf.surface import SurfacePoints, evaluate_surface
 from usdslf.visibility import RayTracer
@@ -218,7 +218,7 @@ class _View:
         lights = self.gatherer.lights
         if not self.hide_lights:
             where, radiance = lights.seen(o, d, np.minimum(distance, far))
-            in_light = radiance.max(1) > 0
+            in_light = brightest(radiance) > 0
             hit &= ~in_light
             escaped = np.flatnonzero(~hit & ~in_light)
             radiance[escaped] += lights.background(d[escaped])
@@ -250,7 +250,7 @@ class _View:
             seen.points, place[seen.rows].astype(np.uint32), q.rays, q.light_samples, self.seed
         )
         features = self._features(seen, grid, travelled)
-        direct = self._filtered(seen, grid, features, light.direct, TILE // 2) + light.exact
+        direct = self._filtered(seen, grid, features, light.direct, TILE) + light.exact
         indirect = self._filtered(seen, grid, features, light.indirect, TILE)
         share = through[seen.rows] * s.presence[:, None]
         sums["color"][seen.rows] += share * (direct + indirect + s.emission)
@@ -277,9 +277,9 @@ class _View:
     def _features(self, seen: _Seen, grid: tuple[int, int], travelled: F32) -> F32:
         """Returns what the filter compares, (grid height, grid width, 12)."""
         p, n = seen.points, len(seen.rows)
-        mirror = 2 * (p.normal * p.view).sum(1, keepdims=True) * p.normal - p.view
+        mirror = 2 * dot(p.normal, p.view)[:, None] * p.normal - p.view
         footprint = pixel_size(self.camera, seen.distance + travelled[seen.rows], self.size)
-        lean = np.maximum(np.abs((p.geometric_normal * p.view).sum(1)), 0.05)
+        lean = np.maximum(np.abs(dot(p.geometric_normal, p.view)), 0.05)
         kind = 2.0 * seen.surface.material + (p.lobes[:, 2] + p.lobes[:, 3] > 0.999)
         out = np.full((grid[1] * grid[0], 12), -1, np.float32)
         out[seen.rows] = np.concatenate(
@@ -307,7 +307,7 @@ class _View:
         out = d.empty((width * height, 3), np.float32)
         sizes = np.int32(width), np.int32(height), np.int32(window), np.float32(LOBE_SHARE), np.float32(NORMAL_COSINE)
         self._filter(
-            (width, height), None, *sizes, d.upload(features), d.upload(colors), d.upload(light_grid), out
+            (-(-width // 16) * 16, -(-height // 4) * 4), (16, 4), *sizes, d.upload(features), d.upload(colors), d.upload(light_grid), out
         )
         return d.download(out)[seen.rows]
 
