@@ -32,6 +32,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from usdslf.errors import UsdslfError
+from usdslf.plugin_path import announce_schema
 
 if TYPE_CHECKING:
     from usdslf.scene import Scene
@@ -40,6 +41,8 @@ if TYPE_CHECKING:
     from usdslf.usd.stroke_layer import read_strokes, write_strokes
 
 __version__ = "0.1.0"
+
+announce_schema()
 
 __all__ = [
     "Scene",

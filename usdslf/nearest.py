@@ -1,0 +1,95 @@
+"""The point of a triangle, or of many, that is nearest to a point in space.
+
+    nearest_on_triangles(corners, points, pair=None) -> Nearest
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usdslf.scene import F64
+
+CHUNK = 4_000_000  # pairs of point and triangle that are looked at together
+
+
+@dataclass(frozen=True)
+class Nearest:
+    """The nearest surface point of each of n points."""
+
+    triangle: NDArray[np.int64]  # (n,) row of `corners`
+    barycentric: F64  # (n, 2)
+    distance: F64  # (n,) inf where there is no triangle
+
+
+def nearest_on_triangles(corners: NDArray, points: NDArray, pair: NDArray | None = None) -> Nearest:
+    """Finds the nearest point on T triangles for each of n points.
+
+    Spheres about the triangles bound all pairs first; the few that can be nearest are solved exactly.
+
+    Args:
+        corners: (T, 3, 3); triangles with corners that are not finite are never nearest.
+        points: (n, 3).
+        pair: (T,) the one point that each triangle is compared with; None: every triangle with every point.
+    """
+    corners, points = np.asarray(corners, np.float64), np.asarray(points, np.float64)
+    n = len(points)
+    if pair is not None:
+        return _best_of_pairs(n, np.asarray(pair), np.arange(len(corners)), corners, points)
+    usable = np.flatnonzero(np.isfinite(corners).all((1, 2)))
+    center = corners[usable].mean(1)
+    radius = np.linalg.norm(corners[usable] - center[:, None], axis=2).max(1, initial=0)
+    point, triangle = [np.zeros(0, int)], [np.zeros(0, int)]
+    for start in range(0, n, max(1, CHUNK // max(len(usable), 1))):
+        rows = np.arange(start, min(n, start + max(1, CHUNK // max(len(usable), 1))))
+        p = points[rows]
+        gap2 = (p**2).sum(1)[:, None] - 2 * p @ center.T + (center**2).sum(1)
+        gap = np.sqrt(np.maximum(gap2, 0))
+        slack = 1e-6 * (np.abs(center).max(initial=0) + np.abs(p).max(initial=0))  # of the expansion above
+        enough = (gap + radius).min(1, initial=np.inf)[:, None] + slack
+        i, j = np.nonzero(gap - radius <= enough)
+        point.append(rows[i])
+        triangle.append(usable[j])
+    return _best_of_pairs(n, np.concatenate(point), np.concatenate(triangle), corners, points)
+
+
+def _best_of_pairs(n: int, point: NDArray, triangle: NDArray, corners: F64, points: F64) -> Nearest:
+    uv, distance = _nearest_in_triangle(corners[triangle], points[point])
+    order = np.lexsort((triangle, distance, point))
+    first = order[np.unique(point[order], return_index=True)[1]]
+    out = Nearest(np.zeros(n, np.int64), np.zeros((n, 2)), np.full(n, np.inf))
+    out.triangle[point[first]] = triangle[first]
+    out.barycentric[point[first]] = uv[first]
+    out.distance[point[first]] = distance[first]
+    return out
+
+
+def _nearest_in_triangle(corners: F64, p: F64) -> tuple[F64, F64]:
+    """Barycentrics (n, 2) of the nearest point of a triangle each (n, 3, 3), and its distance (n,).
+
+    The foot of the perpendicular where it falls inside, else the best of the three edges.
+    """
+    a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
+    ab, ac, ap = b - a, c - a, p - a
+    d00, d01, d11 = (ab * ab).sum(1), (ab * ac).sum(1), (ac * ac).sum(1)
+    d20, d21 = (ap * ab).sum(1), (ap * ac).sum(1)
+    area2 = d00 * d11 - d01 * d01
+    safe = np.where(area2 > 0, area2, 1)
+    u, v = (d11 * d20 - d01 * d21) / safe, (d00 * d21 - d01 * d20) / safe
+    inside = (area2 > 0) & (u >= 0) & (v >= 0) & (u + v <= 1)
+
+    def along(start: F64, edge: F64) -> F64:
+        length2 = (edge * edge).sum(1)
+        return np.clip(((p - start) * edge).sum(1) / np.where(length2 > 0, length2, 1), 0, 1)
+
+    s, t, w = along(a, ab), along(a, ac), along(b, c - b)
+    zero = np.zeros_like(s)
+    choices = np.stack([np.stack(c, -1) for c in ((u, v), (s, zero), (zero, t), (1 - w, w))])
+    feet = a + choices[..., :1] * ab + choices[..., 1:] * ac
+    gaps = np.linalg.norm(feet - p, axis=2)
+    gaps[0, ~inside] = np.inf
+    best = gaps.argmin(0)
+    rows = np.arange(len(p))
+    return choices[best, rows], gaps[best, rows]

@@ -1,0 +1,80 @@
+"""Files that are whole or not there: written beside their place and renamed into it.
+
+    replacing(path) -> context manager of a temporary Path     renamed to `path` if the block ends well
+    write_layer(layer, path) -> None                           a USD layer; same layer, same bytes
+    relative_path(target, folder) -> str                       "./..." with forward slashes
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+from pxr import Sdf, Tf
+
+from usdslf.errors import AuthorError
+
+
+@contextlib.contextmanager
+def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
+    """Yields a temporary name beside `path`, and renames it to `path` when the block ends without error.
+
+    A failed or killed run leaves the earlier file untouched.
+
+    Raises:
+        AuthorError: the folder is missing, or the file cannot be written.
+    """
+    path = Path(path)
+    folder = path.parent
+    if not folder.is_dir():
+        raise AuthorError(f"Cannot write {path}: there is no folder {folder}; create it first.")
+    if path.is_dir():
+        raise AuthorError(f"Cannot write {path}: it is a folder; give the name of a file.")
+    # The suffix stays last, since it decides the format.
+    temporary = folder / f".{path.stem}.{os.getpid()}{path.suffix}"
+    try:
+        yield temporary
+        with temporary.open("rb") as written:
+            os.fsync(written.fileno())
+        temporary.replace(path)
+    except OSError as error:
+        raise AuthorError(f"Cannot write {path}: {error.strerror or error}; choose another place.") from None
+    finally:
+        with contextlib.suppress(OSError):
+            temporary.unlink(missing_ok=True)
+
+
+def write_layer(layer: Sdf.Layer, path: str | os.PathLike[str]) -> None:
+    """Writes a layer to `path`; a layer that is already open from there sees the new content.
+
+    Raises:
+        AuthorError: as `replacing`, or the suffix is none of USD's.
+    """
+    path = Path(path)
+    if path.suffix not in (".usda", ".usd", ".usdc"):
+        raise AuthorError(f"Cannot write {path}: USD layers end in .usda, .usd or .usdc.")
+    with replacing(path) as temporary:
+        # Export prints to stderr before it raises: try the place first.
+        temporary.touch()
+        try:
+            written = layer.Export(str(temporary))
+        except Tf.ErrorException:
+            written = False
+        if not written:
+            raise AuthorError(f"Cannot write {path}: the disk may be full or the folder read-only.")
+    opened = Sdf.Layer.Find(str(path.resolve())) or Sdf.Layer.Find(str(path))
+    if opened:
+        opened.Reload(force=True)
+
+
+def relative_path(target: str | os.PathLike[str], folder: str | os.PathLike[str]) -> str:
+    """Returns `target` as seen from `folder`, as an asset path that USD anchors to the layer."""
+    target, folder = os.path.realpath(target), os.path.realpath(folder)
+    try:
+        relative = os.path.relpath(target, folder)
+    except ValueError:  # another drive
+        return Path(target).as_posix()
+    relative = Path(relative).as_posix()
+    return relative if relative.startswith("../") else f"./{relative}"
