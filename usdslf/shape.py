@@ -1,0 +1,271 @@
+"""Polygons as authored -> triangles with normals and primvars, in the space of their gprim.
+
+The steps: refine (subdivision surfaces), normals, triangles.  A shape is what instances share; `place`
+puts it into the world.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usdslf.scene import F32, F64, I32
+from usdslf.smooth_normals import corner_normals, cross, limit_normals
+from usdslf.subdivide import (
+    Net,
+    face_varying_net,
+    linear_stencil,
+    make_net,
+    refine_corner_values,
+    refine_net,
+    refined_faces,
+)
+from usdslf.triangulate import triangulate
+
+I64 = NDArray[np.int64]
+
+REFINED_FACES_MAX = 400_000  # a cage is refined no further than this
+
+
+@dataclass(frozen=True)
+class Values:
+    """A primvar that is not constant: value of element e is values[indices[e]]."""
+
+    interpolation: str  # uniform | vertex | varying | faceVarying
+    values: F64  # (n, k)
+    indices: I64 | None = None  # (elements,) ; none: one value each
+
+    @property
+    def flat(self) -> F64:
+        """One value for each element."""
+        return self.values if self.indices is None else self.values[self.indices]
+
+    def of_elements(self, kept: I64) -> Values:
+        """The values of some elements only."""
+        return replace(self, indices=kept if self.indices is None else self.indices[kept])
+
+
+@dataclass(frozen=True)
+class Polygons:
+    """A mesh as authored, checked.  F faces, C corners, V points."""
+
+    points: F64  # (V, 3)
+    counts: I64  # (F,) 3 and more
+    indices: I64  # (C,)
+    face: I64  # (F,) number of the face as authored
+    scheme: str = "none"  # none | catmullClark | loop | bilinear
+    boundary: str = "edgeAndCorner"
+    face_varying_rule: str = "cornersPlus1"
+    smooth_triangles: bool = False
+    creases: tuple[I64, F64] | None = None  # vertex pairs (K, 2), sharpness (K,)
+    corners: tuple[I64, F64] | None = None  # vertices (K,), sharpness (K,)
+    holes: I64 | None = None  # faces as authored that are not there
+    left_handed: bool = False
+    normals: Values | None = None  # for scheme none
+    primvars: dict[str, Values] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Shape:
+    """Triangles in the space of their gprim, counter-clockwise from outside.  V vertices, T triangles."""
+
+    positions: F64  # (V, 3)
+    triangles: I32  # (T, 3)
+    corner_normals: F64  # (T, 3, 3)
+    face: I32  # (T,) as authored
+    within: I32  # (T,) number within the face
+    primvars: dict[str, F32] = field(default_factory=dict)  # name -> (T, 3, k)
+    levels: int = 0  # of subdivision
+
+
+def build_shape(polygons: Polygons, refine: int = 1, faces_max: int = REFINED_FACES_MAX) -> Shape:
+    """Refines, shades and triangulates.
+
+    Subdivision surfaces get the normals of the limit surface, whatever is authored; plain polygons the
+    authored ones, else those of their faces.  A cage is refined `refine` times, less often where that
+    would pass `faces_max` faces (`Shape.levels` says how often).
+    """
+    if polygons.scheme == "loop" and (polygons.counts != 3).any():
+        polygons = _only_triangles(polygons)
+    face, fields = polygons.face, {n: v for n, v in polygons.primvars.items()}
+    net, points, levels = _net(polygons), polygons.points, 0
+    smooth: dict[str, Net] = {}  # face-varying values that are smooth have a net of their own
+    if polygons.scheme != "none":
+        hidden = _boundary_faces(net) if polygons.boundary == "none" and polygons.scheme != "bilinear" else None
+        while levels < refine and _refined_count(net, polygons.scheme) <= faces_max:
+            if levels == 0:
+                smooth = _smooth_nets(net, polygons)
+            points, fields, smooth, child = _refine(net, points, fields, smooth, polygons)
+            origin = refined_faces(net, polygons.scheme)
+            face, net, levels = face[origin], child, levels + 1
+            hidden = hidden[origin] if hidden is not None else None
+    else:
+        hidden = None
+
+    normals = _normals(polygons, net, points, levels)
+    corners, net_face, _ = triangulate(points, net.counts, net.indices)
+    authored = face[net_face]
+    start = np.flatnonzero(np.diff(authored, prepend=-1))
+    within = np.arange(len(authored)) - np.repeat(start, np.diff(np.append(start, len(authored))))
+    keep = np.ones(len(corners), bool)
+    if polygons.holes is not None:
+        keep &= ~np.isin(authored, polygons.holes)
+    if hidden is not None:
+        keep &= ~hidden[net_face]
+    triangles = net.indices[corners]
+    keep &= has_area(points[triangles])
+    corners, net_face = corners[keep], net_face[keep]
+    if polygons.left_handed:
+        corners = corners[:, [0, 2, 1]]
+    triangles = net.indices[corners]
+    flat = _unit(cross(points[triangles[:, 1]] - points[triangles[:, 0]],
+                       points[triangles[:, 2]] - points[triangles[:, 0]]))  # fmt: skip
+    shading = np.repeat(flat[:, None], 3, axis=1) if normals is None else normals[corners]
+    good = np.isfinite(shading).all(2, keepdims=True) & (np.abs(shading).max(2, keepdims=True) > 0)
+    return Shape(
+        positions=points,
+        triangles=triangles.astype(np.int32),
+        corner_normals=np.where(good, shading, flat[:, None]),
+        face=authored[keep].astype(np.int32),
+        within=within[keep].astype(np.int32),
+        primvars={n: _of_corners(v, net, corners, net_face, triangles) for n, v in fields.items()},
+        levels=levels,
+    )
+
+
+def place(shape: Shape, world_from_object: F64) -> tuple[F32, I32, F32, NDArray[np.bool_]]:
+    """Puts a shape into the world.
+
+    Returns positions (V, 3), triangles (T, 3) and corner normals (T, 3, 3); a mirrored shape is wound anew
+    so that its triangles stay counter-clockwise from outside (the order of their corners is 0 2 1 then).
+    The last is which triangles still have an area (T,).
+    """
+    linear = world_from_object[:3, :3]
+    positions = shape.positions @ linear.T + world_from_object[:3, 3]
+    # Normals go with the cofactors: the inverse transposed times the determinant, finite for flat scales.
+    cofactors = np.stack([np.cross(linear[(i + 1) % 3], linear[(i + 2) % 3]) for i in range(3)])
+    mirrored = np.linalg.det(linear) < 0
+    normals = _unit(shape.corner_normals @ cofactors.T) * (-1 if mirrored else 1)
+    triangles = shape.triangles
+    if mirrored:
+        triangles, normals = triangles[:, [0, 2, 1]], normals[:, [0, 2, 1]]
+    positions = positions.astype(np.float32)
+    return positions, triangles, normals.astype(np.float32), has_area(positions[triangles].astype(np.float64))
+
+
+def has_area(p: F64) -> NDArray[np.bool_]:
+    """Whether triangles (T, 3, 3) are finite and higher than a ten millionth of their longest edge."""
+    a, b = p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]
+    n = cross(a, b)
+    longest = np.maximum(np.maximum((a * a).sum(1), (b * b).sum(1)), ((a - b) ** 2).sum(1))
+    with np.errstate(invalid="ignore", over="ignore"):
+        return np.asarray((n * n).sum(1) > (1e-7 * longest) ** 2)
+
+
+def _net(polygons: Polygons) -> Net:
+    return make_net(
+        polygons.counts,
+        polygons.indices,
+        len(polygons.points),
+        polygons.creases,
+        polygons.corners,
+        polygons.boundary,
+    )
+
+
+def _refined_count(net: Net, scheme: str) -> int:
+    return 4 * len(net.counts) if scheme == "loop" else len(net.indices)
+
+
+def _boundary_faces(net: Net) -> NDArray[np.bool_]:
+    """Faces (F,) that touch a boundary: they support their neighbours and are not drawn."""
+    at_boundary = np.zeros(net.vertex_count, bool)
+    at_boundary[net.links.ends[net.links.faces_of_edge == 1].ravel()] = True
+    return np.asarray(np.logical_or.reduceat(at_boundary[net.indices], net.links.first))
+
+
+def _smooth_nets(net: Net, polygons: Polygons) -> dict[str, Net]:
+    rule = polygons.face_varying_rule
+    return {
+        name: face_varying_net(net, v.indices, len(v.values), rule)
+        for name, v in polygons.primvars.items()
+        if v.interpolation == "faceVarying" and v.indices is not None and rule != "all"
+        and polygons.scheme != "bilinear"
+    }  # fmt: skip
+
+
+def _refine(
+    net: Net, points: F64, fields: dict[str, Values], smooth: dict[str, Net], polygons: Polygons
+) -> tuple[F64, dict[str, Values], dict[str, Net], Net]:
+    """Refines points and primvars by one level."""
+    scheme = polygons.scheme
+    child, stencil = refine_net(net, scheme, polygons.smooth_triangles)
+    linear = None
+    out: dict[str, Values] = {}
+    nets: dict[str, Net] = {}
+    for name, v in fields.items():
+        if v.interpolation == "vertex":
+            out[name] = Values("vertex", stencil @ v.flat)
+        elif v.interpolation == "varying":
+            linear = linear_stencil(net, scheme) if linear is None else linear
+            out[name] = Values("varying", linear @ v.flat)
+        elif v.interpolation == "uniform":
+            out[name] = Values("uniform", v.flat[refined_faces(net, scheme)])
+        elif name in smooth:
+            nets[name], rows = refine_net(smooth[name], scheme, polygons.smooth_triangles)
+            out[name] = Values("faceVarying", rows @ v.values, nets[name].indices)
+        else:
+            out[name] = Values("faceVarying", refine_corner_values(net, scheme, v.flat))
+    return stencil @ points, out, nets, child
+
+
+def _normals(polygons: Polygons, net: Net, points: F64, levels: int) -> F64 | None:
+    """Shading normals of corners (C, 3); none where triangles are flat."""
+    if polygons.scheme != "none":
+        outside = -1.0 if polygons.left_handed else 1.0
+        if levels or polygons.scheme == "bilinear":
+            return outside * limit_normals(net, points, polygons.scheme)
+        return outside * corner_normals(net, points)
+    if polygons.normals is None:
+        return None
+    v = polygons.normals
+    if v.interpolation == "uniform":
+        at = net.links.face
+    else:
+        at = net.indices if v.interpolation in ("vertex", "varying") else np.arange(len(net.indices))
+    return _unit(v.flat[at])
+
+
+def _of_corners(v: Values, net: Net, corners: I64, face: I64, triangles: I64) -> F32:
+    """Values of triangle corners (T, 3, k)."""
+    if v.interpolation == "uniform":
+        out = np.repeat(v.flat[face][:, None], 3, axis=1)
+    elif v.interpolation == "faceVarying":
+        out = v.flat[corners]
+    else:
+        out = v.flat[triangles]
+    return out.astype(np.float32)
+
+
+def _only_triangles(polygons: Polygons) -> Polygons:
+    """The same cage as triangles, which Loop's scheme asks for."""
+    corners, face, _ = triangulate(polygons.points, polygons.counts, polygons.indices)
+    flat = corners.ravel()
+    of = {"uniform": face, "faceVarying": flat}
+    return replace(
+        polygons,
+        counts=np.full(len(corners), 3),
+        indices=polygons.indices[flat],
+        face=polygons.face[face],
+        primvars={
+            n: v.of_elements(of[v.interpolation]) if v.interpolation in of else v
+            for n, v in polygons.primvars.items()
+        },
+    )
+
+
+def _unit(v: F64) -> F64:
+    length = np.sqrt(np.einsum("...i,...i->...", v, v))[..., None]
+    return v / np.where(length > 0, length, 1)

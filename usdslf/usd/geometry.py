@@ -1,0 +1,202 @@
+"""Gprims of a stage at one time -> Mesh records: triangles in world space.
+
+Read are meshes (polygons and subdivision surfaces), implicit gprims, instances, PointInstancers and
+skinned meshes, with their primvars and GeomSubsets.  A shape is built once for all instances of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from pxr import Usd, UsdGeom
+
+from usdslf.scene import F32, F64, I32, Mesh
+from usdslf.shape import REFINED_FACES_MAX, Shape, build_shape, place
+from usdslf.usd.implicit import TYPES, read_implicit
+from usdslf.usd.notes import Notes
+from usdslf.usd.placement import Placed, Placement
+from usdslf.usd.polygons import read_polygons
+from usdslf.usd.primvars import Primvars, read_primvars
+from usdslf.usd.skinning import Skins
+
+TRIANGLES_MAX = 30_000_000  # of a stage, after instancing
+
+_CONSTANT = {"constant": 1}
+
+
+def read_meshes(
+    stage: Usd.Stage,
+    time: Usd.TimeCode,
+    material_index: Callable[[Usd.Prim], int],
+    refine: int = 1,
+    warnings: list[str] | None = None,
+) -> list[Mesh]:
+    """Reads every gprim that is shown: visible, purpose default or render.
+
+    Args:
+        material_index: index into the material table of what a gprim or GeomSubset is bound to.
+        refine: levels of subdivision; 0 leaves cages as they are, with smooth normals.
+        warnings: takes a sentence, naming prims, for everything that could not be read.
+    """
+    notes = Notes()
+    reader = _Reader(time, refine, notes)
+    meshes: list[Mesh] = []
+    total = 0
+    for placed in Placement(stage, time, notes).gprims():
+        read = reader.shape(placed.prim)
+        if read is None:
+            continue
+        if total + len(read.shape.triangles) > TRIANGLES_MAX:
+            notes.add(f"the stage has more than {TRIANGLES_MAX} triangles; left out from {{}} on", placed.path)
+            break
+        mesh = _mesh(placed, read, material_index, time, notes)
+        if mesh is not None:
+            meshes.append(mesh)
+            total += len(mesh.triangles)
+    if warnings is not None:
+        warnings += [s for s in notes.sentences() if s not in warnings]
+    return meshes
+
+
+@dataclass(frozen=True)
+class _Read:
+    """A shape with what belongs to its gprim."""
+
+    shape: Shape
+    constant: dict[str, F64]
+    world_from_points: F64 | None = None  # of skinned points
+
+
+class _Reader:
+    """Builds the shape of each gprim, once for all its instances."""
+
+    def __init__(self, time: Usd.TimeCode, refine: int, notes: Notes) -> None:
+        self._time, self._refine, self._notes = time, refine, notes
+        self._skins = Skins(time, notes)
+        self._shared: dict[Any, _Read | None] = {}
+
+    def shape(self, prim: Usd.Prim) -> _Read | None:
+        """Returns the shape of a gprim, or none (with a note) where it is not read."""
+        query = self._skins.query(prim) if prim.IsA(UsdGeom.Mesh) else None
+        if query is not None:
+            return self._read(prim, query)
+        own = prim.GetPrimInPrototype() if prim.IsInstanceProxy() else prim
+        key = own.GetPath()
+        if key not in self._shared:
+            self._shared[key] = self._read(prim, None)
+        read = self._shared[key]
+        if read is not None and prim.IsInstanceProxy():
+            # Constant primvars come down from the prims above as well.
+            inherited = UsdGeom.PrimvarsAPI(prim).FindPrimvarsWithInheritance()
+            return _Read(read.shape, read_primvars(inherited, self._time, _CONSTANT, Notes()).constant)
+        return read
+
+    def _read(self, prim: Usd.Prim, query: Any) -> _Read | None:
+        kind, path = str(prim.GetTypeName()), prim.GetPath()
+        posed = None
+        if prim.IsA(UsdGeom.Mesh):
+            mesh = UsdGeom.Mesh(prim)
+            if query is not None:
+                points = mesh.GetPointsAttr().Get(self._time)
+                posed = self._skins.pose(prim, query, points) if points else None
+            read = read_polygons(mesh, self._time, posed, self._notes)
+            if read is None:
+                return None
+            polygons, primvars = read
+        elif kind in TYPES:
+            implicit = read_implicit(prim, self._time, self._notes)
+            if implicit is None:
+                return None
+            found = UsdGeom.PrimvarsAPI(prim).FindPrimvarsWithInheritance()
+            polygons, primvars = implicit, read_primvars(found, self._time, _CONSTANT, self._notes)
+        else:
+            if prim.IsA(UsdGeom.Gprim) or kind in ("TetMesh", "Volume"):
+                self._notes.add(f"{kind} is not read and was left out: {{}}", path)
+            return None
+
+        shape = build_shape(polygons, self._refine)
+        if polygons.scheme != "none" and shape.levels < self._refine:
+            times = "not refined" if shape.levels == 0 else f"refined {shape.levels} times only"
+            self._notes.add(f"the cage {{}} is {times}: refined it has more than {REFINED_FACES_MAX} faces", path)
+        if not len(shape.triangles):
+            self._notes.add("the gprim {} has no triangle with an area; left out", path)
+            return None
+        return _Read(shape, primvars.constant, posed.world_from_points if posed else None)
+
+
+def _mesh(
+    placed: Placed, read: _Read, material_index: Callable[[Usd.Prim], int], time: Usd.TimeCode, notes: Notes
+) -> Mesh | None:
+    """Puts a shape into the world and binds its materials."""
+    shape, prim = read.shape, placed.prim
+    world = placed.world_from_object if read.world_from_points is None else read.world_from_points
+    if not np.isfinite(world).all():
+        notes.add("the transform of {} is not finite; left out", prim.GetPath())
+        return None
+    positions, triangles, normals, good = place(shape, world)
+    mirrored = len(triangles) and not np.array_equal(triangles[0], shape.triangles[0])
+    if not good.any():
+        notes.add("the gprim {} has no area in the world (a scale of 0?); left out", prim.GetPath())
+        return None
+    keep = slice(None) if good.all() else good
+
+    corner_values: dict[str, F32] = {}
+    for name, value in {**placed.primvars, **read.constant}.items():
+        corner_values[name] = np.broadcast_to(value.astype(np.float32), (int(good.sum()), 3, len(value)))
+    for name, values in shape.primvars.items():
+        corner_values[name] = (values[:, [0, 2, 1]] if mirrored else values)[keep]
+    face = shape.face[keep]
+    material, subset, subsets = _materials(prim, face, material_index, time, notes)
+    return Mesh(
+        path=placed.path,
+        positions=positions,
+        triangles=triangles[keep],
+        corner_normals=normals[keep],
+        face_of_triangle=face,
+        triangle_in_face=shape.within[keep],
+        material_of_triangle=material,
+        uvs={n: v for n, v in corner_values.items() if v.shape[2] == 2},
+        primvars={n: v for n, v in corner_values.items() if v.shape[2] != 2},
+        subset_of_triangle=subset,
+        subsets=subsets,
+        double_sided=bool(UsdGeom.Gprim(prim).GetDoubleSidedAttr().Get(time)),
+        prototype=placed.prototype,
+    )
+
+
+def _materials(
+    prim: Usd.Prim,
+    face: I32,
+    material_index: Callable[[Usd.Prim], int],
+    time: Usd.TimeCode,
+    notes: Notes,
+) -> tuple[I32, I32 | None, tuple[str, ...]]:
+    """Material (T,) and subset (T,) of each triangle, and the paths of the subsets that bind."""
+    binding = [s for s in UsdGeom.Subset.GetAllGeomSubsets(UsdGeom.Imageable(prim)) if _binds(s)]
+    if not binding:
+        return np.full(len(face), material_index(prim), np.int32), None, ()
+    count = int(face.max(initial=0)) + 1
+    of_face = np.full(count, -1, np.int32)
+    for i, subset in enumerate(binding):
+        indices = np.asarray(subset.GetIndicesAttr().Get(time) or [], np.int64)
+        if len(indices) and indices.min() < 0:
+            notes.add("the GeomSubset {} has negative indices; they are passed over", subset.GetPath())
+        indices = indices[(indices >= 0) & (indices < count)]
+        of_face[indices[of_face[indices] < 0]] = i  # the first subset wins where they overlap
+    subset_of = of_face[face]
+    # The gprim's own material is asked for only where it shows.
+    table = [material_index(s.GetPrim()) for s in binding]
+    table.append(material_index(prim) if (subset_of < 0).any() else 0)
+    return np.array(table, np.int32)[subset_of], subset_of, tuple(str(s.GetPath()) for s in binding)
+
+
+def _binds(subset: UsdGeom.Subset) -> bool:
+    """Whether a subset binds a material: by its family, or because it has a binding of its own."""
+    if subset.GetElementTypeAttr().Get() != UsdGeom.Tokens.face:
+        return False
+    if subset.GetFamilyNameAttr().Get() == "materialBind":
+        return True
+    return any(r.GetName().startswith("material:binding") for r in subset.GetPrim().GetAuthoredRelationships())

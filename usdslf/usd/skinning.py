@@ -1,0 +1,106 @@
+"""UsdSkel: points and normals of skinned meshes at a frame.
+
+Blend shapes (with inbetweens), then linear or dual quaternion skinning by UsdSkel itself.  Normals follow
+the blended joint matrices; normal offsets of blend shapes are not applied.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from pxr import Usd, UsdGeom, UsdSkel, Vt
+
+from usdslf.scene import F64
+from usdslf.usd.notes import Notes
+
+
+@dataclass(frozen=True)
+class Posed:
+    """A mesh in its pose."""
+
+    points: F64  # (V, 3) in skeleton space if `world_from_points` is given, else the gprim's own
+    world_from_points: F64 | None  # (4, 4)
+    turn: F64 | None  # (V, 3, 3) that turns normals (not unit), column vectors
+
+
+class Skins:
+    """Finds the skeletons of a stage, when first asked for, and poses meshes."""
+
+    def __init__(self, time: Usd.TimeCode, notes: Notes) -> None:
+        self._time, self._notes = time, notes
+        self._cache = UsdSkel.Cache()
+        self._xforms = UsdGeom.XformCache(time)
+        self._roots: dict[Any, bool] = {}
+
+    def query(self, prim: Usd.Prim) -> UsdSkel.SkinningQuery | None:
+        """Returns how a prim is skinned, or none."""
+        root = UsdSkel.Root.Find(prim)
+        if not root:
+            return None
+        if root.GetPath() not in self._roots:
+            self._roots[root.GetPath()] = True
+            self._cache.Populate(root, Usd.TraverseInstanceProxies())
+        query = self._cache.GetSkinningQuery(prim)
+        return query if query and (query.HasJointInfluences() or query.HasBlendShapes()) else None
+
+    def pose(self, prim: Usd.Prim, query: UsdSkel.SkinningQuery, points: Any) -> Posed | None:
+        """Deforms points (a Vt.Vec3fArray) of a skinned prim; none where its skeleton cannot be read."""
+        skeleton = UsdSkel.BindingAPI(prim).GetInheritedSkeleton()
+        skel = self._cache.GetSkelQuery(skeleton) if skeleton else None
+        if not skel:
+            self._notes.add("the skeleton of {} cannot be read; it is shown in its rest pose", prim.GetPath())
+            return None
+        points = Vt.Vec3fArray(points)
+        if query.HasBlendShapes():
+            points = self._blended(prim, query, skel, points)
+        if not query.HasJointInfluences():
+            return Posed(np.asarray(points, np.float64), None, None)
+        joints = skel.ComputeSkinningTransforms(self._time)
+        if joints is None or not query.ComputeSkinnedPoints(joints, points, self._time):
+            self._notes.add("the joints of {} do not fit its points; it is shown in its rest pose", prim.GetPath())
+            return None
+        world = np.array(self._xforms.GetLocalToWorldTransform(skel.GetPrim()), np.float64).T
+        return Posed(np.asarray(points, np.float64), world, self._turn(query, joints, len(points)))
+
+    def _blended(self, prim: Usd.Prim, query: Any, skel: Any, points: Any) -> Any:
+        animation = skel.GetAnimQuery()
+        weights = animation.ComputeBlendShapeWeights(self._time) if animation else None
+        mapper = query.GetBlendShapeMapper()
+        if weights is None or mapper is None:
+            return points
+        weights = mapper.Remap(weights)
+        if weights is None:
+            return points
+        shapes = UsdSkel.BlendShapeQuery(UsdSkel.BindingAPI(prim))
+        found = shapes.ComputeSubShapeWeights(weights)
+        if not found:
+            return points
+        sub_weights, shape_indices, sub_indices = found
+        shapes.ComputeDeformedPoints(
+            sub_weights,
+            shape_indices,
+            sub_indices,
+            shapes.ComputeBlendShapePointIndices(),
+            shapes.ComputeSubShapePointOffsets(),
+            points,
+        )
+        return points
+
+    def _turn(self, query: Any, joints: Any, count: int) -> F64 | None:
+        """Cofactors (V, 3, 3) of the blended joint matrices: what normals are turned by."""
+        mapper = query.GetJointMapper()
+        if mapper is not None and not mapper.IsNull():
+            joints = mapper.RemapTransforms(joints, Vt.Matrix4dArray(len(mapper)))
+        influences = query.ComputeVaryingJointInfluences(count, self._time)
+        if joints is None or not influences:
+            return None
+        per_point = query.GetNumInfluencesPerComponent()
+        indices = np.asarray(influences[0], np.int64).reshape(count, per_point)
+        weights = np.asarray(influences[1], np.float64).reshape(count, per_point)
+        bind = np.array(query.GetGeomBindTransform(self._time), np.float64)[:3, :3]
+        rows = np.array([np.array(m)[:3, :3] for m in joints], np.float64)
+        rows = bind @ np.einsum("vi,vijk->vjk", weights, rows[np.clip(indices, 0, len(rows) - 1)])
+        m = rows.transpose(0, 2, 1)
+        return np.stack([np.cross(m[:, (i + 1) % 3], m[:, (i + 2) % 3]) for i in range(3)], axis=1)
