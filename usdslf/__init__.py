@@ -68,6 +68,9 @@ _HOME = {
 }
 
 
+announce_schema()
+
+
 def __getattr__(name: str) -> Any:
     if name not in _HOME:
         raise AttributeError(f"module 'usdslf' has no attribute {name!r}")

@@ -13,6 +13,7 @@ from pathlib import Path
 import usdslf
 from usdslf.directions import D
 from usdslf.errors import UsdslfError
+from usdslf.plugin_path import schema_folder
 
 PACKAGES = (
     "usd-core",
@@ -78,7 +79,7 @@ def _color(ocio: str | None) -> Iterator[Row]:
     try:
         from usdslf.color import Color
 
-        yield "colour", "OpenColorIO config", Color(ocio).name
+        yield "colour", "OpenColorIO config", Color(ocio).config_name
     except (UsdslfError, ImportError) as error:
         yield "colour", "OpenColorIO config", f"none: {error}"
 
@@ -95,9 +96,11 @@ def hydra_state() -> str:
 
 
 def _folders() -> Iterator[Row]:
-    package = Path(usdslf.__file__).resolve().parent
-    for name, sample in (("kernels", "common.cl"), ("schemas", "plugInfo.json")):
-        places = (package / f"_{name}", package.parent / name)
-        found = next((str(p) for p in places if (p / sample).is_file()), "missing; reinstall usdslf")
-        yield "installation", name, found
     yield "installation", "Python executable", sys.executable
+    try:
+        from usdslf.gpu.source import kernel_folder
+
+        yield "installation", "kernels", str(kernel_folder())
+    except UsdslfError as error:
+        yield "installation", "kernels", str(error)
+    yield "installation", "schemas", str(schema_folder() or "missing; reinstall usdslf")
