@@ -44,7 +44,7 @@ class Color:
         try:
             self._config = ocio.Config.CreateFromFile(path)
             self._config.validate()
-        except ocio.Exception as e:
+        except (ocio.Exception, ocio.ExceptionMissingFile) as e:
             reason = " ".join(str(e).split()).rstrip(".")
             raise InputError(
                 f"{path} (from {origin}) cannot be used as an OpenColorIO config, "

@@ -96,7 +96,7 @@ def sample_texture(texture: Texture, st: ArrayLike, color: Color | None = None) 
     scale, bias = np.asarray(texture.scale, np.float32), np.asarray(texture.bias, np.float32)
     if not tiles:
         return out
-    finite = np.isfinite(st).all(1)
+    finite: NDArray[np.bool_] = np.asarray(np.isfinite(st).all(1))
     if 0 in tiles:
         ok = np.nonzero(finite)[0]
         out[ok] = bilinear(tiles[0], st[ok], texture.wrap_s, texture.wrap_t) * scale + bias

@@ -244,8 +244,9 @@ def _groups(material: I32) -> Iterator[tuple[int, NDArray[np.intp]]]:
     """Yields each material that occurs with the places where it does."""
     order = np.argsort(material, kind="stable")
     values, first = np.unique(material[order], return_index=True)
-    for m, at in zip(values, np.split(order, first[1:]), strict=True):
-        yield int(m), at
+    last = np.append(first[1:], len(order))
+    for m, low, high in zip(values, first, last, strict=False):  # no points: last has one more
+        yield int(m), order[low:high]
 
 
 def _weights(barycentric: F32) -> F32:
