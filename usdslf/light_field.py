@@ -82,14 +82,19 @@ class LightField:
         lookup: ElementLookup,
         visibility: Visibility,
         fixed: NDArray,
+        face_normals: NDArray,
         model: str = "preview_surface",
     ) -> None:
         """Uploads what stays: links, fixed light (N, D, 3), frames.
+
+        Args:
+            face_normals: (T, 3) of Scene.triangles, which tell the side that a ray hits.
 
         Raises: MemoryError_ where it does not fit the device.
         """
         n = len(elements.position)
         self.device, self.elements, self.lookup, self.model = device, elements, lookup, model
+        self.face_normals = face_normals
         field = n * D * 3 * 4
         device.require(3 * field + n * D * 4, f"{n} elements", field)
         self.hit_d = device.upload(np.ascontiguousarray(visibility.hit, np.uint32))
@@ -194,6 +199,19 @@ class LightField:
             if change < tolerance:
                 return
 
+    def incident(self, element: NDArray) -> NDArray[np.float32]:
+        """Returns the light (n, D, 3) that arrives now in the bins of some elements (n,)."""
+        count = -(-len(element) // LANES)
+        order = np.full(count * LANES, -1, np.int32)
+        order[: len(element)] = element
+        light_d = self.device.empty((count, D, 3, LANES), np.float32)
+        self.device.kernel("light_field", "gather", NEAR=NEAR, LOBE=0)(
+            (D, count), (64, 1), self.device.upload(order), self.hit_d, self.fixed_d, self.outgoing_d, np.int32(0),
+            light_d,
+        )  # fmt: skip
+        light = self.device.download(light_d).transpose(0, 3, 1, 2).reshape(-1, D, 3)
+        return np.ascontiguousarray(light[: len(element)])
+
     def link_hits(self, triangle: NDArray, barycentric: NDArray, direction: NDArray) -> tuple[Any, Any]:
         """Ties hits to the light field: near elements, and the bin in which each sends light back along the ray.
 
@@ -204,7 +222,7 @@ class LightField:
         Returns: device arrays `links_d` (n, 4) uint32 and `weights_d` (n, 4), for `follow_links`.
         """
         hit = triangle >= 0
-        normals = self.lookup.face_normals[np.maximum(triangle, 0)]
+        normals = self.face_normals[np.maximum(triangle, 0)]
         side = np.where(np.einsum("ij,ij->i", normals, direction) > 0, -1, 1)
         elements = np.full((len(triangle), NEAR), -1, np.int32)
         weights = np.zeros((len(triangle), NEAR), np.float32)

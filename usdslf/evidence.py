@@ -1,0 +1,340 @@
+"""Evidence: what light arrives where something was painted, and what each reflectance would make of it.
+
+A stroke is laid as dabs; each dab holds a dozen surface points over its footprint as the painter saw it.  At
+every point rays are drawn from a mixture of a cosine and GGX lobes about the eye's mirror direction, and one
+set of rays serves all levels of roughness.  Hits take the light field, misses the dome at full resolution,
+lights are sampled with shadow rays, and all are joined by the balance heuristic.  The unpainted directions,
+which tell a highlight from a colour, come from the bins of the nearest element.
+
+Source: Nguyen et al. 2013, 5.3 (Eq. 2); Veach 1997 (multiple importance sampling); Heitz 2018 (visible normals).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usdslf.anchors import locate_stroke
+from usdslf.directions import SOLID_ANGLE, D, bin_directions
+from usdslf.errors import StrokeError
+from usdslf.light_field import LightField
+from usdslf.light_set import LightSet
+from usdslf.low_discrepancy import random_shifts, sobol_points
+from usdslf.reflectance import lobe_parameter, roughness_levels
+from usdslf.scene import Scene
+from usdslf.strokes import Stroke, dab_rows
+from usdslf.surface import SurfacePoints, evaluate_surface
+
+if TYPE_CHECKING:
+    from usdslf.visibility import RayTracer
+
+SAMPLES = 12  # surface points of a dab
+MOST_DABS = 128
+RAYS = 384  # of a sample
+LOBE_ROUGHNESS = (0.08, 0.22, 0.42, 0.7)
+LIGHT_RAYS = 32  # of a sample to each light
+BACKGROUND = 24  # unpainted directions of a dab
+SHARPEST_BACKGROUND = 0.2  # roughness; sharper lobes fall between the bins
+LEAST_COSINE = 0.05  # of the eye above a surface
+
+
+@dataclass(frozen=True)
+class Samples:
+    """S surface points under a stroke, in dabs, with the rays that leave them.  K rays and light samples each."""
+
+    dab: NDArray[np.int64]  # (S,) row of the stroke's dabs
+    surface: SurfacePoints
+    eye: NDArray[np.float32]  # (S, 3) local, unit
+    local: Any  # device (S, K, 3)
+    fixed: NDArray[np.float32]  # (S, K, 3) light that no edit changes, over density
+    gain: NDArray[np.float32]  # (S, K) one over the density, for what the surfaces send
+    links_d: Any  # of the S * ray_count rays
+    weights_d: Any
+    ray_count: int  # of the K, those that are rays and not light samples
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What a stroke asks for, and the columns to answer with.  n dabs, S samples, J levels, B background rows.
+
+    The last level of `levels` is each sample's own roughness.
+    """
+
+    stroke: Stroke
+    target: NDArray[np.float64]  # (n, 3) painted radiance
+    material: NDArray[np.int64]  # (n,)
+    dab_of_sample: NDArray[np.int64]  # (S,) 0..n-1
+    surface: SurfacePoints  # (S,)
+    levels: NDArray[np.float64]  # (S, J)
+    columns: NDArray[np.float64]  # (S, J, 4, 3) X, Y, A, B
+    coat: NDArray[np.float64]  # (S, 3) radiance that no parameter of ours changes: clearcoat and emission
+    background_sample: NDArray[np.int64]  # (B,) the sample whose reflectance a background row has
+    background: NDArray[np.float64]  # (B, J, 4, 3)
+
+
+def gather_samples(
+    stroke: Stroke, scene: Scene, tracer: RayTracer, field: LightField, lights: LightSet, warnings: list[str]
+) -> tuple[Samples, NDArray[np.int64]]:
+    """Lays the stroke's dabs and traces the rays of their samples.
+
+    Returns: the samples, and (n,) the row of the stroke of each dab.
+
+    Raises: StrokeError where no dab lies on a surface.
+    """
+    located = locate_stroke(scene, stroke, warnings)
+    rows = np.flatnonzero(np.isin(located.row, dab_rows(stroke)))
+    if len(rows) > MOST_DABS:
+        rows = rows[np.linspace(0, len(rows) - 1, MOST_DABS).round().astype(int)]
+    dab, triangle, barycentric = _footprint(stroke, scene, tracer, located, rows)
+    surface = evaluate_surface(scene, triangle, barycentric)
+    used, dab = np.unique(dab, return_inverse=True)
+    stroke_row = located.row[rows[used]]
+
+    eye = stroke.eye[stroke_row][dab] - surface.position
+    eye /= np.linalg.norm(eye, axis=1, keepdims=True)
+    side = np.where(np.einsum("ij,ij->i", eye, surface.geometric_normal) < 0, -1, 1)[:, None].astype(np.float32)
+    normal, geometric = surface.normal * side, surface.geometric_normal * side
+    frames = frames_about(normal)
+    e = np.einsum("sij,sj->si", frames, eye)
+    e[:, 2] = np.maximum(e[:, 2], LEAST_COSINE)
+    e = (e / np.linalg.norm(e, axis=1, keepdims=True)).astype(np.float32)
+    origin = tracer.offset_points(surface.position, geometric, triangle)
+    return _trace(e, frames, origin, surface, dab, tracer, field, lights), stroke_row
+
+
+def frames_about(normal: NDArray) -> NDArray[np.float32]:
+    """Returns frames (n, 3, 3), rows tangent, bitangent, normal.  Source: Duff et al. 2017."""
+    x, y, z = np.asarray(normal, np.float64).T
+    s = np.where(z < 0, -1.0, 1.0)
+    a = -1 / (s + z)
+    b = x * y * a
+    t = np.stack([1 + s * x * x * a, s * b, -s * x], -1)
+    u = np.stack([b, s + y * y * a, -y], -1)
+    return np.stack([t, u, normal], 1).astype(np.float32)
+
+
+def _footprint(
+    stroke: Stroke, scene: Scene, tracer: RayTracer, located: Any, rows: NDArray
+) -> tuple[NDArray, NDArray, NDArray]:
+    """Surface points (S,) spread over the brush as its painter saw it: dab, triangle, barycentric."""
+    k = np.arange(SAMPLES)
+    spiral = np.sqrt((k + 0.5) / SAMPLES)[:, None] * np.stack([np.cos(2.39996 * k), np.sin(2.39996 * k)], -1)
+    center = located.position[rows].astype(np.float64)
+    stroke_row = located.row[rows]
+    origin = stroke.eye[stroke_row].astype(np.float64)
+    towards = center - origin
+    distance = np.linalg.norm(towards, axis=1)
+    frame = frames_about(towards / distance[:, None])
+    disk = np.einsum("kc,ncj->nkj", spiral, frame[:, :2]) * (stroke.widths[stroke_row] / 2)[:, None, None]
+    aim = center[:, None] + disk - origin[:, None]
+    aim /= np.linalg.norm(aim, axis=2, keepdims=True)
+    # start close to the surface: what hangs before it when the stroke is read again does not matter
+    start = center[:, None] + disk - aim * (2 * stroke.widths[stroke_row])[:, None, None]
+    hits = tracer.intersect(start.reshape(-1, 3), aim.reshape(-1, 3))
+    table = scene.triangles
+    dab = np.repeat(np.arange(len(rows)), SAMPLES)
+    same = (hits.triangle >= 0) & (
+        table.mesh[np.maximum(hits.triangle, 0)] == np.repeat(table.mesh[located.triangle[rows]], SAMPLES)
+    )
+    same &= (
+        table.material[np.maximum(hits.triangle, 0)] == np.repeat(table.material[located.triangle[rows]], SAMPLES)
+    )
+    missing = np.setdiff1d(np.arange(len(rows)), dab[same])  # a dab smaller than the rounding: its centre
+    return (
+        np.concatenate([dab[same], missing]),
+        np.concatenate([hits.triangle[same], located.triangle[rows[missing]]]).astype(np.int32),
+        np.concatenate([hits.barycentric[same], located.barycentric[rows[missing]]]).astype(np.float32),
+    )
+
+
+def _trace(
+    eye: NDArray, frames: NDArray, origin: NDArray, surface: SurfacePoints, dab: NDArray,
+    tracer: RayTracer, field: LightField, lights: LightSet,
+) -> Samples:  # fmt: skip
+    device, s = field.device, len(eye)
+    lobes = len(LOBE_ROUGHNESS)
+    counts = np.full(lobes + 1, RAYS // (lobes + 2))
+    counts[0] = RAYS - counts[1:].sum()
+    technique = np.repeat(np.arange(lobes + 1), counts).astype(np.int32)
+    rng = np.random.default_rng(7)
+    u = np.concatenate([sobol_points(0, int(c), random_shifts(s, rng)) for c in counts], 1).astype(np.float32)
+    alphas = lobe_parameter("preview_surface", LOBE_ROUGHNESS).astype(np.float32)
+    mixture = (device.upload(alphas), device.upload(counts.astype(np.float32)))
+    constants = {"LOBES": lobes, "PHONG": int(field.model == "phong")}
+    n = s * RAYS
+    local_d, world_d = device.empty((s, RAYS, 3), np.float32), device.empty((s, RAYS, 3), np.float32)
+    density_d = device.empty((s, RAYS), np.float32)
+    eye_d = device.upload(eye)
+    device.kernel("evidence", "make_rays", **constants)(
+        (_up(n),), (64,), eye_d, device.upload(frames), device.upload(u), device.upload(technique), *mixture,
+        np.uint32(RAYS), np.uint32(n), local_d, world_d, density_d,
+    )  # fmt: skip
+    world, density = device.download(world_d).reshape(-1, 3), device.download(density_d).reshape(-1)
+    starts = np.repeat(origin, RAYS, 0)
+    hits = tracer.intersect(starts, world)
+    usable = density > 0
+    inverse = np.where(usable, 1 / np.where(usable, density, 1), 0)
+    links_d, weights_d = field.link_hits(
+        np.where(usable, hits.triangle, -1), hits.barycentric.astype(np.float32), world
+    )
+    fixed = np.zeros((n, 3))
+    missed = (hits.triangle < 0) & usable
+    for dome in lights.domes:
+        p = LIGHT_RAYS * dome.dome.pdf(world[missed])
+        fixed[missed] += dome.dome.radiance(world[missed], None) / (density[missed] + p)[:, None]
+    for source in lights.placed:
+        if not source.is_delta:
+            distance, radiance, pdf = source.intersect(starts, world)
+            met = usable & (distance < np.where(hits.triangle < 0, np.inf, hits.distance) * 1.0001)
+            met |= usable & (radiance.max(1) > 0) & (hits.triangle < 0)
+            fixed[met] += radiance[met] / (density[met] + LIGHT_RAYS * pdf[met])[:, None]
+    locals_, lights_in = [device.download(local_d)], [fixed.reshape(s, RAYS, 3)]
+    for source in [*lights.placed, *lights.domes]:
+        direction, light = _sample_source(source, eye, frames, origin, device, mixture, constants, tracer, rng)
+        locals_.append(direction)
+        lights_in.append(light)
+    gain = inverse.reshape(s, RAYS)
+    all_local = np.concatenate(locals_, 1)
+    gain = np.concatenate([gain, np.zeros((s, all_local.shape[1] - RAYS))], 1)
+    return Samples(
+        dab, surface, eye, device.upload(all_local.astype(np.float32)), np.concatenate(lights_in, 1).astype(np.float32),
+        gain.astype(np.float32), links_d, weights_d, RAYS,
+    )  # fmt: skip
+
+
+def _sample_source(
+    source: Any, eye: NDArray, frames: NDArray, origin: NDArray, device: Any, mixture: tuple, constants: dict,
+    tracer: RayTracer, rng: np.random.Generator,
+) -> tuple[NDArray, NDArray]:  # fmt: skip
+    """Local directions (S, k, 3) towards one light and its radiance over density (S, k, 3), occlusion tested."""
+    s = len(eye)
+    k = 1 if source.is_delta else LIGHT_RAYS
+    u = sobol_points(0, k, random_shifts(s, rng)).reshape(-1, 2)
+    start = np.repeat(origin, k, 0)
+    arrival = source.sample(start, u.astype(np.float32))
+    local = np.einsum("sij,skj->ski", frames, arrival.direction.reshape(s, k, 3)).astype(np.float32)
+    up = local[..., 2].reshape(-1) > 0
+    density = np.zeros(s * k)
+    if not source.is_delta:
+        density_d = device.empty((s, k), np.float32)
+        device.kernel("evidence", "density_at", **constants)(
+            (_up(s * k),), (64,), device.upload(eye), device.upload(local), *mixture, np.uint32(k), np.uint32(s * k),
+            density_d,
+        )  # fmt: skip
+        density = device.download(density_d).reshape(-1).astype(np.float64)
+    shines = up & (arrival.pdf > 0) & (arrival.radiance.max(1) > 0)
+    rows = np.flatnonzero(shines)
+    blocked = tracer.occluded(start[rows], arrival.direction[rows], arrival.distance[rows] * np.float32(0.9999))
+    rows = rows[~blocked]
+    light = np.zeros((s * k, 3))
+    if source.is_delta:
+        light[rows] = arrival.radiance[rows]
+    else:
+        light[rows] = arrival.radiance[rows] / (k * arrival.pdf[rows] + density[rows])[:, None]
+    return local, light.reshape(s, k, 3)
+
+
+def build_evidence(stroke: Stroke, stroke_row: NDArray, samples: Samples, field: LightField) -> Evidence:
+    """Turns the light that arrives now into columns; call it again after each bounce."""
+    surface, s = samples.surface, len(samples.eye)
+    n = int(samples.dab.max()) + 1
+    own = surface.roughness.astype(np.float64)
+    first = np.searchsorted(samples.dab, np.arange(n)) if np.all(np.diff(samples.dab) >= 0) else None
+    if first is None:
+        first = np.array([np.flatnonzero(samples.dab == i)[0] for i in range(n)])
+    levels = sample_levels(own)
+    columns = evaluate_columns(samples, field, levels)
+    background_sample, background = _background(samples, field, levels, first)
+    coat = _coat(samples, field) + surface.emission
+    target = stroke.colors[stroke_row].astype(np.float64)
+    if stroke.space == "reflectance":
+        e_over_pi = _mean_by(columns[:, -1, 0] + columns[:, -1, 1], samples.dab, n)
+        target = target * e_over_pi
+    return Evidence(
+        stroke, target, surface.material[first].astype(np.int64), samples.dab, surface, levels, columns, coat,
+        background_sample, background,
+    )  # fmt: skip
+
+
+def sample_levels(own: NDArray) -> NDArray[np.float64]:
+    """Levels (S, J + 1) of samples: their mean moved onto each level, variation kept, and their own at the end."""
+    shift = roughness_levels()[None] - own.mean()
+    return np.concatenate([np.clip(own[:, None] + shift, 0.001, 1), own[:, None]], 1)
+
+
+def arriving_light(samples: Samples, field: LightField) -> NDArray[np.float32]:
+    """Returns radiance over density (S, K, 3) of all rays and light samples, with the light field of now."""
+    light = samples.fixed.copy()
+    moving = field.follow_links(samples.links_d, samples.weights_d).reshape(len(light), samples.ray_count, 3)
+    light[:, : samples.ray_count] += samples.gain[:, : samples.ray_count, None] * moving
+    return light
+
+
+def evaluate_columns(samples: Samples, field: LightField, levels: NDArray) -> NDArray[np.float64]:
+    """Returns X, Y, A, B (S, J, 4, 3) of every sample at roughness `levels` (S, J)."""
+    rows = np.arange(len(samples.eye))
+    return _columns(field, samples.eye, rows, samples.local, arriving_light(samples, field), levels)
+
+
+def _columns(
+    field: LightField, eye: NDArray, light_row: NDArray, local_d: Any, light: NDArray, levels: NDArray
+) -> NDArray[np.float64]:
+    device, (s, j) = field.device, levels.shape
+    out_d = device.empty((s, j, 4, 3), np.float32)
+    parameters = lobe_parameter(field.model, levels).astype(np.float32)
+    kernel = device.kernel("evidence", "columns", LOBES=len(LOBE_ROUGHNESS), PHONG=int(field.model == "phong"))
+    kernel(
+        (j, s), None, device.upload(eye.astype(np.float32)), device.upload(light_row.astype(np.int32)), local_d,
+        device.upload(light.astype(np.float32)), device.upload(parameters), np.uint32(light.shape[1]), np.uint32(j),
+        np.uint32(s), out_d,
+    )  # fmt: skip
+    return device.download(out_d).astype(np.float64)
+
+
+def _background(
+    samples: Samples, field: LightField, levels: NDArray, first: NDArray
+) -> tuple[NDArray, NDArray]:
+    """Columns (B, J, 4, 3) of unpainted directions of each dab, from the bins of its nearest element."""
+    surface = samples.surface
+    side = np.where(np.einsum("ij,ij->i", surface.geometric_normal, surface.normal) < 0, -1, 1)
+    element, _ = field.lookup.nearest(surface.triangle[first], surface.barycentric[first], side[first])
+    incident = field.incident(element[:, 0])
+    directions = bin_directions().astype(np.float32)
+    chosen = np.linspace(0, D - 1, BACKGROUND + 2).round().astype(int)[1:-1]
+    chosen = chosen[directions[chosen, 2] > 0.1]
+    n, w = len(first), len(chosen)
+    eye = np.tile(directions[chosen], (n, 1))
+    rows = np.repeat(np.arange(n), w)
+    local_d = field.device.upload(np.tile(directions, (n, 1)).astype(np.float32))
+    light = incident * np.float32(SOLID_ANGLE)
+    clamped = np.maximum(levels[first][rows], SHARPEST_BACKGROUND)
+    return first[rows], _columns(field, eye, rows, local_d, light, clamped)
+
+
+def _coat(samples: Samples, field: LightField) -> NDArray[np.float64]:
+    surface = samples.surface
+    if not np.any(surface.clearcoat > 0):
+        return np.zeros((len(samples.eye), 3))
+    columns = evaluate_columns(samples, field, surface.clearcoat_roughness[:, None].astype(np.float64))[:, 0]
+    f0 = surface.coat_f0[:, None]
+    return surface.clearcoat[:, None] * (f0 * columns[:, 2] + columns[:, 3])
+
+
+def _mean_by(values: NDArray, group: NDArray, n: int) -> NDArray:
+    """Means (n, ...) of rows by group."""
+    out = np.zeros((n, *values.shape[1:]))
+    np.add.at(out, group, values)
+    return out / np.bincount(group, minlength=n).reshape(-1, *[1] * (values.ndim - 1))
+
+
+def _up(n: int) -> int:
+    return max(-(-n // 64) * 64, 64)
+
+
+def require_dabs(evidence: Evidence) -> None:
+    """Raises StrokeError where nothing of a stroke is left to learn from."""
+    if not len(evidence.target):
+        raise StrokeError(f"{evidence.stroke.path} lies on no surface of the shot; paint it on one")

@@ -1,0 +1,292 @@
+"""Infer: from strokes to changed materials, under all bounces of the light.
+
+Strokes that say something about the same material in the same scope are asked together.  Then, until the
+painted areas look as painted: new reflectance, new light, the chosen parameters fitted again.  A round that
+fits worse is not accepted.
+
+Source: Nguyen et al. 2013, 5.3 (n-bounce) and Listing 1.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usdslf.errors import SolveError, StrokeError
+from usdslf.evidence import Evidence, Samples, build_evidence, evaluate_columns, gather_samples
+from usdslf.light_field import LightField, Surface
+from usdslf.light_set import LightSet
+from usdslf.scene import Scene
+from usdslf.solve import Candidate, Options, Tables, enumerate_candidates, pool_tables, refit, relative_error
+from usdslf.strokes import Stroke
+
+if TYPE_CHECKING:
+    from usdslf.visibility import RayTracer
+
+CONVERGED = 0.01  # relative change of the painted residual between rounds
+ROUNDS = 4  # n_b of the paper
+FINE_LEVELS = 9  # between the neighbours of the chosen level
+AMBIGUOUS = 4.0  # cost between two explanations that is no difference
+
+
+@dataclass(frozen=True)
+class Pool:
+    """What is asked together: one material in one scope."""
+
+    material: int
+    scope: str  # material | prim | stroke
+    targets: tuple[str, ...]  # gprims of the scope; () for the whole material
+    strokes: tuple[int, ...]  # into the strokes that were read
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What was inferred for one pool."""
+
+    pool: Pool
+    chosen: Candidate
+    candidates: tuple[Candidate, ...]  # cheapest first
+    tables: Tables  # at the last round
+    before: dict[str, NDArray]  # diffuse (3,), specular (3,), roughness (1,): means over the painted area
+    after: dict[str, NDArray]
+    residual_before: float
+    residual_after: float
+    rounds: tuple[float, ...]  # residual after each round of bounces
+
+    @property
+    def is_ambiguous(self) -> bool:
+        """Whether another explanation costs about the same."""
+        others = [c.cost for c in self.candidates if c.id != self.chosen.id]
+        return bool(others) and min(others) - self.chosen.cost < AMBIGUOUS
+
+
+@dataclass
+class Painted:
+    """A stroke with its samples: what stays from round to round."""
+
+    stroke: Stroke
+    samples: Samples
+    rows: NDArray  # of the stroke, per dab
+
+    def evidence(self, field: LightField) -> Evidence:
+        """The evidence under the light of now."""
+        return build_evidence(self.stroke, self.rows, self.samples, field)
+
+
+def gather_strokes(
+    strokes: list[Stroke], scene: Scene, tracer: RayTracer, field: LightField, lights: LightSet, warnings: list[str]
+) -> list[Painted]:
+    """Traces the samples of all active strokes.
+
+    Raises: StrokeError for a stroke that lies on no surface or has a tool or mode that this version lacks.
+    """
+    painted = []
+    for stroke in strokes:
+        if not stroke.active:
+            continue
+        if stroke.tool != "replace" or stroke.mode != "direct":
+            raise StrokeError(
+                f"{stroke.path}: {stroke.mode} strokes with the tool {stroke.tool} cannot be solved; "
+                "use a direct stroke with the tool replace, or deactivate it"
+            )
+        samples, rows = gather_samples(stroke, scene, tracer, field, lights, warnings)
+        painted.append(Painted(stroke, samples, rows))
+    return painted
+
+
+def infer_changes(
+    painted: list[Painted],
+    scene: Scene,
+    field: LightField,
+    options: Options | None = None,
+    choose: dict[str, str] | None = None,
+    bounces: int = 6,
+) -> Iterator[list[Answer]]:
+    """Finds the change of every painted material; yields the answers after each round of bounces.
+
+    The light field is left at the last round's state, with the changed reflectance.
+
+    Args:
+        choose: stroke name -> id of the alternative to take instead of the best.
+        options: weights; their `norm` is used for strokes that say mixed.
+
+    Raises: SolveError where no stroke says anything about a material that can be changed.
+    """
+    options, choose = options or Options(), choose or {}
+    original = field.surface
+    evidence = [p.evidence(field) for p in painted]
+    pools = _pools(evidence, scene)
+    if not pools:
+        raise SolveError("no stroke lies on a material; paint on a surface of the shot")
+    answers = [_first_answer(p, evidence, painted, field, options, choose) for p in pools]
+    kept: list[Answer] | None = None
+    kept_surface = original
+    for number in range(ROUNDS):
+        field.set_surface(_changed_surface(original, field, scene, answers, painted))
+        for _ in field.converge(bounces):
+            pass
+        evidence = [p.evidence(field) for p in painted]
+        answers = [_after_bounce(a, evidence, painted, field, options) for a in answers]
+        if kept is not None and _total(answers) > _total(kept) * 1.02:
+            field.set_surface(kept_surface)
+            for _ in field.converge(bounces):
+                pass
+            yield kept
+            return
+        done = kept is not None and abs(_total(answers) - _total(kept)) < CONVERGED * max(_total(kept), 0.02)
+        kept, kept_surface = answers, field.surface
+        yield answers
+        if done or number + 1 == ROUNDS:
+            return
+        answers = [_refit(a, evidence, painted, field, options) for a in answers]
+
+
+def _total(answers: list[Answer]) -> float:
+    return float(np.mean([a.residual_after for a in answers]))
+
+
+def _pools(evidence: list[Evidence], scene: Scene) -> list[Pool]:
+    """Sorts strokes by the material and scope that they speak of; the material with most dabs of a stroke counts."""
+    found: dict[tuple, list[int]] = {}
+    for i, e in enumerate(evidence):
+        if not len(e.material):
+            continue
+        values, counts = np.unique(e.material, return_counts=True)
+        material = int(values[counts.argmax()])
+        scope = {"similar": "material"}.get(e.stroke.scope, e.stroke.scope)
+        targets: tuple[str, ...] = ()
+        if scope in ("prim", "stroke"):
+            meshes = np.unique(e.surface.mesh[e.surface.material == material])
+            targets = tuple(scene.meshes[m].path for m in meshes)
+        key = (material, scope, targets, i if scope == "stroke" else -1)
+        found.setdefault(key, []).append(i)
+    return [Pool(m, s, t, tuple(i)) for (m, s, t, _), i in found.items()]
+
+
+def _first_answer(
+    pool: Pool, evidence: list[Evidence], painted: list[Painted], field: LightField, options: Options, choose: dict
+) -> Answer:
+    mine = [evidence[i] for i in pool.strokes]
+    tables = pool_tables(mine, pool.material, field.model)
+    norms = {e.stroke.norm for e in mine} - {"mixed"}
+    options = replace(options, norm=norms.pop()) if len(norms) == 1 else options
+    candidates = enumerate_candidates(tables, options)
+    wanted = [choose.get(e.stroke.name) or e.stroke.choice for e in mine]
+    wanted = [w for w in wanted if w]
+    chosen = candidates[0]
+    if wanted:
+        same = [c for c in candidates if c.id == wanted[0]]
+        if not same:
+            known = ", ".join(c.id for c in candidates)
+            raise StrokeError(f"{mine[0].stroke.path}: there is no alternative '{wanted[0]}'; choose one of {known}")
+        chosen = same[0]
+    none = next((c for c in candidates if c.id == "none"), Candidate(()))
+    before = relative_error(tables, replace(none, level=tables.own))
+    start = Answer(
+        pool, chosen, tuple(candidates), tables, {}, {}, before, before, (),
+    )  # fmt: skip
+    return _refit(start, evidence, painted, field, options)
+
+
+def _refit(
+    answer: Answer, evidence: list[Evidence], painted: list[Painted], field: LightField, options: Options
+) -> Answer:
+    """Fits the chosen parameters under the light of now; glossiness on finer levels."""
+    mine = [evidence[i] for i in answer.pool.strokes]
+    chosen = answer.chosen
+    tables = pool_tables(mine, answer.pool.material, field.model)
+    if chosen.freed:
+        if "glossiness" in chosen.freed:
+            fine = [_finer(e, painted[i].samples, field, chosen) for e, i in zip(mine, answer.pool.strokes, strict=True)]
+            tables = pool_tables(fine, answer.pool.material, field.model)
+            fits = [refit(tables, replace(chosen, level=j), options) for j in range(FINE_LEVELS)]
+            best = min(fits, key=lambda c: c.misfit)
+            chosen = replace(best, roughness_shift=float(tables.levels[best.level] - tables.roughness))
+        else:
+            chosen = refit(tables, replace(chosen, level=tables.own), options)
+    before, after = _means(tables, chosen)
+    return replace(answer, chosen=chosen, tables=tables, before=before, after=after)
+
+
+def _finer(e: Evidence, samples: Samples, field: LightField, chosen: Candidate) -> Evidence:
+    """The evidence on levels around the chosen one, and the own level at the end."""
+    own = e.levels[:, -1]
+    shift = chosen.roughness_shift + np.linspace(-0.05, 0.05, FINE_LEVELS)
+    levels = np.concatenate([np.clip(own[:, None] + shift, 0.001, 1), own[:, None]], 1)
+    columns = evaluate_columns(samples, field, levels)
+    pad = np.repeat(e.background[:, -1:], levels.shape[1], 1)
+    return replace(e, levels=levels, columns=columns, background=pad)
+
+
+def _after_bounce(
+    answer: Answer, evidence: list[Evidence], painted: list[Painted], field: LightField, options: Options
+) -> Answer:
+    """How the chosen change looks now that its light went round."""
+    mine = [evidence[i] for i in answer.pool.strokes]
+    chosen = answer.chosen
+    if "glossiness" in chosen.freed:
+        mine = [
+            _at_shift(e, painted[i].samples, field, chosen.roughness_shift)
+            for e, i in zip(mine, answer.pool.strokes, strict=True)
+        ]
+        tables = pool_tables(mine, answer.pool.material, field.model)
+        error = relative_error(tables, replace(chosen, level=0))
+    else:
+        tables = pool_tables(mine, answer.pool.material, field.model)
+        error = relative_error(tables, replace(chosen, level=tables.own))
+    return replace(answer, residual_after=error, rounds=(*answer.rounds, error))
+
+
+def _at_shift(e: Evidence, samples: Samples, field: LightField, shift: float) -> Evidence:
+    own = e.levels[:, -1]
+    levels = np.stack([np.clip(own + shift, 0.001, 1), own], 1)
+    pad = np.repeat(e.background[:, -1:], 2, 1)
+    return replace(e, levels=levels, columns=evaluate_columns(samples, field, levels), background=pad)
+
+
+def _means(t: Tables, c: Candidate) -> tuple[dict[str, NDArray], dict[str, NDArray]]:
+    before = {"diffuse": t.diffuse, "specular": t.f0, "roughness": np.array([t.roughness])}
+    after = {
+        "diffuse": c.diffuse_of(t.diffuse),
+        "specular": c.f0_of(t.f0),
+        "roughness": c.roughness_of(np.array([t.roughness])),
+    }
+    return before, after
+
+
+def _changed_surface(
+    original: Surface, field: LightField, scene: Scene, answers: list[Answer], painted: list[Painted]
+) -> Surface:
+    """The elements' reflectance with all answers applied."""
+    surface = original
+    for a in answers:
+        rows = scope_rows(a.pool, field, scene, painted)
+        s, c = original, a.chosen
+        f0 = c.f0_of(s.f0[rows])
+        f90 = f0 if a.tables.is_metal and "specular" in c.freed else s.f90[rows]
+        surface = surface.with_rows(
+            rows, diffuse=c.diffuse_of(s.diffuse[rows]), f0=f0, f90=f90, roughness=c.roughness_of(s.roughness[rows])
+        )
+    return surface
+
+
+def scope_rows(pool: Pool, field: LightField, scene: Scene, painted: list[Painted]) -> NDArray[np.bool_]:
+    """Returns which elements (N,) a pool's change covers."""
+    elements = field.elements
+    rows = elements.material == pool.material
+    if pool.scope in ("prim", "stroke"):
+        paths = np.array([m.path in pool.targets for m in scene.meshes])
+        rows &= paths[elements.mesh]
+    if pool.scope == "stroke":
+        near = np.zeros(len(rows), bool)
+        for i in pool.strokes:
+            s = painted[i].stroke
+            for first in range(0, len(s.points), 64):
+                gap = elements.position[:, None] - s.points[None, first : first + 64]
+                near |= (np.linalg.norm(gap, axis=2) < 0.5 * s.widths[None, first : first + 64] + 1e-9).any(1)
+        rows &= near
+    return rows

@@ -1,0 +1,327 @@
+"""Session: the whole flow on one page.  Keeps each step's result and drops what a change makes stale.
+
+    stage -> Scene -> Elements -> Visibility -> LightField -> (strokes) -> Answers -> look layer, pictures
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usdslf.elements import ElementLookup, Elements, sample_elements
+from usdslf.errors import InputError, SolveError, StageError
+from usdslf.gpu.device import Device, open_device
+from usdslf.infer import Answer, gather_strokes, infer_changes
+from usdslf.light_field import LightField
+from usdslf.light_set import LightSet
+from usdslf.lights import default_lights, static_light
+from usdslf.render import render
+from usdslf.scene import Camera, Light, Scene
+from usdslf.solve import Options
+from usdslf.strokes import Stroke
+from usdslf.usd.read import open_stage, read_scene
+from usdslf.visibility import RayTracer, Visibility, trace_visibility
+
+Say = Callable[[str, float], None]
+"""Told the name of a step and how much of it is done, 0..1."""
+
+
+class Session:
+    """A shot, its light field, the strokes on it and what they ask for."""
+
+    def __init__(
+        self,
+        stage: Any,
+        frame: float | None = None,
+        device: str | Device | None = None,
+        ocio: str | None = None,
+        elements: int = 10000,
+        bounces: int = 8,
+        refine: int = 1,
+        model: str = "preview_surface",
+        say: Say | None = None,
+    ) -> None:
+        """Opens the stage; steps run when they are first needed.
+
+        Args:
+            stage: path or Usd.Stage.  It is never written to.
+            frame: time code; None: the first frame of an animated shot.
+            device: OpenCL device, by number or name.
+            ocio: OpenColorIO config.
+            elements: how many surface elements carry the light field.
+            bounces: most bounces of the light field.
+            refine: levels of subdivision.
+            model: reflectance model.
+
+        Raises: StageError where the stage cannot be opened.
+        """
+        if elements < 1 or elements >= 1 << 22:
+            raise InputError(f"--elements {elements} is not in 1 .. {(1 << 22) - 1}")
+        if bounces < 1:
+            raise InputError(f"--bounces {bounces} is less than 1")
+        self.stage = open_stage(stage) if isinstance(stage, (str, os.PathLike)) else stage
+        self.frame, self.ocio = frame, ocio
+        self.element_count, self.bounces, self.refine, self.model = elements, bounces, refine, model
+        self._device_name = device
+        self._say = say or (lambda step, share: None)
+        self.seconds: dict[str, float] = {}
+        self.warnings: list[str] = []
+        self.strokes: list[Stroke] = []
+        self.answers: list[Answer] = []
+
+    # ── steps ──────────────────────────────────────────────────────────────────────────────────
+
+    @contextmanager
+    def _step(self, name: str) -> Iterator[None]:
+        self._say(name, 0.0)
+        began, within = time.perf_counter(), sum(self.seconds.values())
+        yield
+        inner = sum(self.seconds.values()) - within
+        self.seconds[name] = self.seconds.get(name, 0.0) + time.perf_counter() - began - inner
+        self._say(name, 1.0)
+
+    @cached_property
+    def scene(self) -> Scene:
+        """The shot as records."""
+        with self._step("read"):
+            scene = read_scene(self.stage, self.frame, refine=self.refine, ocio=self.ocio)
+        self.warn(*scene.warnings)
+        return scene
+
+    @cached_property
+    def device(self) -> Device:
+        """The OpenCL device."""
+        return self._device_name if isinstance(self._device_name, Device) else open_device(self._device_name)
+
+    @cached_property
+    def tracer(self) -> RayTracer:
+        """Rays against the scene."""
+        with self._step("read"):
+            return RayTracer(self.scene)
+
+    @cached_property
+    def lights(self) -> tuple[Light, ...]:
+        """The shot's lights, or the stated default where it has none."""
+        scene = self.scene
+        emits = any(not isinstance(m.emissive_color, np.ndarray) or m.emissive_color.max() > 0 for m in scene.materials)
+        if scene.lights or emits:
+            return scene.lights
+        lights, sentence = default_lights(scene)
+        self.warn(sentence)
+        return lights
+
+    @cached_property
+    def light_set(self) -> LightSet:
+        """All that shines."""
+        lights, scene = self.lights, self.scene
+        with self._step("light"):
+            return LightSet(scene, lights)
+
+    @cached_property
+    def elements(self) -> Elements:
+        """Points on all surfaces."""
+        scene, tracer = self.scene, self.tracer
+        with self._step("elements"):
+            return sample_elements(scene, tracer, self.element_count, np.random.default_rng(0))
+
+    @cached_property
+    def lookup(self) -> ElementLookup:
+        """Near elements of any point."""
+        elements = self.elements
+        with self._step("elements"):
+            return ElementLookup(self.scene, self.tracer, elements)
+
+    @cached_property
+    def visibility(self) -> Visibility:
+        """What each element sees in each direction."""
+        lookup, device = self.lookup, self.device
+        with self._step("visibility"):
+            return trace_visibility(self.elements, lookup, self.tracer, device)
+
+    @cached_property
+    def fixed_light(self) -> NDArray[np.float32]:
+        """Light (N, D, 3) that no edit changes."""
+        visibility, lights = self.visibility, self.lights
+        with self._step("light"):
+            return static_light(self.elements, self.tracer, lights, visibility).diffuse
+
+    @cached_property
+    def light_field(self) -> LightField:
+        """The surface light field of the shot as it is."""
+        fixed, visibility = self.fixed_light, self.visibility
+        with self._step("light field"):
+            field = LightField(
+                self.device, self.elements, self.lookup, visibility, fixed, self.scene.triangles.face_normals, self.model
+            )
+            self._converge(field)
+        return field
+
+    def _converge(self, field: LightField) -> None:
+        for number, _ in enumerate(field.converge(self.bounces)):
+            self._say("light field", (number + 1) / self.bounces)
+
+    # ── strokes ────────────────────────────────────────────────────────────────────────────────
+
+    def add_stroke(self, stroke: Stroke) -> None:
+        """Adds a stroke, or replaces the one of the same name."""
+        self.strokes = [s for s in self.strokes if s.name != stroke.name] + [stroke]
+        self.answers = []
+
+    def remove_stroke(self, name: str) -> None:
+        """Takes a stroke away."""
+        self.strokes = [s for s in self.strokes if s.name != name]
+        self.answers = []
+
+    def solve(
+        self, norm: str | None = None, choose: Mapping[str, str] | None = None, options: Options | None = None
+    ) -> list[Answer]:
+        """Finds the smallest change of materials that explains the strokes.
+
+        Args:
+            norm: l2 | l0 | mixed for all strokes; None: each stroke's own.
+            choose: stroke name -> id of an alternative.
+
+        Raises: StrokeError, SolveError.
+        """
+        active = [s for s in self.strokes if s.active]
+        if not active:
+            raise SolveError("there is no active stroke; paint one with: usdslf stroke")
+        if norm:
+            active = [_with_norm(s, norm) for s in active]
+        field, original = self.light_field, self.light_field.surface
+        lights = self.light_set
+        try:
+            with self._step("evidence"):
+                painted = gather_strokes(active, self.scene, self.tracer, field, lights, self.warnings)
+            with self._step("solve"):
+                for number, answers in enumerate(
+                    infer_changes(painted, self.scene, field, options, dict(choose or {}), self.bounces)
+                ):
+                    self.answers = answers
+                    self._say("solve", (number + 1) / 4)
+        finally:
+            field.set_surface(original)
+            self._converge(field)
+        for a in self.answers:
+            if a.is_ambiguous:
+                names = ", ".join(active[i].path for i in a.pool.strokes)
+                other = next(c.id for c in a.candidates if c.id != a.chosen.id)
+                self.warn(f"{names}: {a.chosen.id} and {other} explain it about equally well; paint more or choose")
+        return self.answers
+
+    # ── results ────────────────────────────────────────────────────────────────────────────────
+
+    def camera(self, path: str | None = None) -> Camera:
+        """Returns a camera of the shot, the first one by default, or one that sees everything.
+
+        Raises: StageError where there is none of that path.
+        """
+        cameras = self.scene.cameras
+        if path is None:
+            return cameras[0] if cameras else _overview(self.scene)
+        for camera in cameras:
+            if camera.path == path:
+                return camera
+        known = ", ".join(c.path for c in cameras) or "none"
+        raise StageError(f"{self.scene.stage} has no camera {path}; there is {known}")
+
+    def render(
+        self, camera: Camera | str | None = None, size: tuple[int, int] = (640, 360), aovs: tuple[str, ...] = (),
+        samples: int = 16, **options: Any,
+    ) -> dict[str, NDArray[np.float32]]:  # fmt: skip
+        """Renders the shot as it is; returns pictures (h, w, c) by name, `color` first."""
+        camera = camera if isinstance(camera, Camera) else self.camera(camera)
+        field = self.light_field
+        with self._step("render"):
+            return render(
+                self.scene, camera, size, self.tracer, field, self.lights, self.device, samples, ("color", *aovs),
+                elements=self.element_count, **options,
+            )  # fmt: skip
+
+    def report(self) -> dict[str, Any]:
+        """Returns what was inferred, as JSON-ready values (DESIGN: the report of solve)."""
+        active = [s for s in self.strokes if s.active]
+        of_stroke = {i: a for a in self.answers for i in a.pool.strokes}
+        return {
+            "stage": self.scene.stage,
+            "frame": None if np.isnan(self.scene.frame) else self.scene.frame,
+            "device": self.device.name,
+            "elements": len(self.elements),
+            "directions": 1024,
+            "strokes": [self._stroke_report(s, of_stroke[i]) for i, s in enumerate(active) if i in of_stroke],
+            "edits": [],
+            "warnings": list(self.warnings),
+            "seconds": {k: round(v, 4) for k, v in self.seconds.items()},
+        }
+
+    def _stroke_report(self, stroke: Stroke, answer: Answer) -> dict[str, Any]:
+        material = self.scene.materials[answer.pool.material]
+        t = answer.tables
+        return {
+            "path": stroke.path,
+            "surface": stroke.surfaces[0] if stroke.surfaces else "",
+            "material": material.path,
+            "inferred": answer.chosen.id,
+            "before": _plain(answer.before),
+            "after": _plain(answer.after),
+            "residual_before": answer.residual_before,
+            "residual_after": answer.residual_after,
+            "rounds": list(answer.rounds),
+            "ambiguous": answer.is_ambiguous,
+            "alternatives": [
+                {
+                    "id": c.id,
+                    "cost": c.cost,
+                    "after": _plain(
+                        {
+                            "diffuse": c.diffuse_of(t.diffuse),
+                            "specular": c.f0_of(t.f0),
+                            "roughness": c.roughness_of(np.array([t.roughness])),
+                        }
+                    ),
+                }
+                for c in answer.candidates
+            ],
+        }
+
+    def warn(self, *sentences: str) -> None:
+        """Keeps warnings, each once."""
+        self.warnings += [s for s in dict.fromkeys(sentences) if s not in self.warnings]
+
+
+def open(stage: Any, **options: Any) -> Session:  # noqa: A001
+    """Opens a shot; see `Session`."""
+    return Session(stage, **options)
+
+
+def _plain(values: Mapping[str, NDArray]) -> dict[str, Any]:
+    return {k: v.tolist() if len(v) > 1 else float(v[0]) for k, v in values.items()}
+
+
+def _with_norm(stroke: Stroke, norm: str) -> Stroke:
+    from dataclasses import replace
+
+    return replace(stroke, norm=norm)
+
+
+def _overview(scene: Scene) -> Camera:
+    """A camera that sees the whole scene from the front, a little from above."""
+    low, high = scene.bounds
+    center, radius = (low + high) / 2, max(float(np.linalg.norm(high - low)) / 2, 1e-6)
+    up = np.array([0.0, 0, 1]) if scene.up_axis == "Z" else np.array([0.0, 1, 0])
+    front = np.array([0.0, -1, 0]) if scene.up_axis == "Z" else np.array([0.0, 0, 1])
+    back = front + 0.35 * up + 0.3 * np.cross(up, front)
+    back /= np.linalg.norm(back)
+    right = np.cross(up, back)
+    right /= np.linalg.norm(right)
+    m = np.eye(4)
+    m[:3, 0], m[:3, 1], m[:3, 2] = right, np.cross(back, right), back
+    m[:3, 3] = center + back * radius * 2.6
+    return Camera("", m, 36.0, 24.0, 45.0)

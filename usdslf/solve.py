@@ -1,0 +1,374 @@
+"""Solve: which change of diffuse, specular and glossiness explains what was painted with the fewest freedoms.
+
+At a fixed roughness the mean radiance of a dab is bilinear in the shared change (delta d, delta F0):
+
+    L = P + dd U + df V - dd df W
+
+with four tables P, U, V, W per dab, level and channel.  Every candidate (nothing, diffuse, grey or coloured
+specular, glossiness and their unions, at every level) is fitted to all dabs of a material at once, under the
+covariance of a painter's errors: independent error of a dab, brightness that drifts over the stroke, a tint.
+The choice weighs the misfit against the degrees of freedom; then the chosen parameters alone are fitted again.
+
+Source: Nguyen et al. 2013, 5.3 (Eqs. 3 to 6), pooled over the stroke; Schwarz 1978 (Bayesian information).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usdslf.evidence import Evidence
+from usdslf.reflectance import LEVEL_COUNT
+
+F64 = NDArray[np.float64]
+GROUPS = ("diffuse", "specular", "glossiness")
+ROUNDS = 4  # of Gauss and Newton, for the bilinear candidates
+
+
+@dataclass(frozen=True)
+class Options:
+    """Weights of the choice; errors are relative to the painted radiance."""
+
+    norm: str = "mixed"  # l2 | l0 | mixed
+    dab_error: float = 0.06  # of each dab and channel, the light field's error included
+    drift_error: float = 0.10  # of brightness, over the stroke
+    drift_length: float = 0.5  # of the stroke's extent
+    tint_error: float = 0.05  # of each channel
+    flat_error: float = 0.6  # of each dab's brightness, where one colour was painted on everything
+    freedom: float = 6.0  # cost of a degree of freedom
+    group: float = 6.0  # cost of a second and third parameter
+    background: float = 0.02  # weight of all unpainted directions
+    kind: float = 12.0  # cost of a diffuse metal or of a coloured dielectric
+    tail: float = 4.0  # misfit per dab beyond which it counts by its logarithm
+
+
+@dataclass(frozen=True)
+class Tables:
+    """Evidence about one material, pooled.  n dabs, B background rows, J levels (the last: own roughness)."""
+
+    target: F64  # (n, 3)
+    scale: F64  # (n, 3) that makes residuals relative
+    place: F64  # (n, 3) position of each dab
+    stroke: NDArray[np.int64]  # (n,) which stroke
+    flat: NDArray[np.bool_]  # (n,) its stroke has one colour
+    p: F64  # (n, J, 3)
+    u: F64
+    v: F64
+    w: F64
+    tint_u: F64  # (n, J, 3) U and W of a factor on d instead of a term, for textured colours
+    tint_w: F64
+    back: tuple[F64, F64, F64, F64, F64]  # P, U, V, W (B, J, 3) and scale (B, 3)
+    levels: F64  # (J,) mean roughness at each level
+    diffuse: F64  # (3,) means over the dabs
+    f0: F64
+    roughness: float
+    is_metal: bool  # F90 follows F0, no diffuse reflection
+    is_textured: bool  # d varies
+
+    @property
+    def own(self) -> int:
+        """Level of the roughness as it is."""
+        return len(self.levels) - 1
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One explanation: a change of some parameters, and what it costs."""
+
+    freed: tuple[str, ...]
+    delta_diffuse: F64 = field(default_factory=lambda: np.zeros(3))
+    delta_f0: F64 = field(default_factory=lambda: np.zeros(3))
+    roughness_shift: float = 0.0
+    is_tint: bool = False  # delta_diffuse is a factor less one
+    level: int = -1
+    misfit: float = 0.0
+    freedoms: int = 0
+    cost: float = 0.0
+
+    @property
+    def id(self) -> str:
+        """Name in reports: the freed parameters joined by '+', or 'none'."""
+        return "+".join(self.freed) or "none"
+
+    def diffuse_of(self, d: NDArray) -> NDArray:
+        """Applies the change to diffuse colours (..., 3)."""
+        changed = d * (1 + self.delta_diffuse) if self.is_tint else d + self.delta_diffuse
+        return np.clip(changed, 0, 1) if "diffuse" in self.freed else d
+
+    def f0_of(self, f0: NDArray) -> NDArray:
+        """Applies the change to specular colours (..., 3)."""
+        return np.clip(f0 + self.delta_f0, 0, 1) if "specular" in self.freed else f0
+
+    def roughness_of(self, r: NDArray) -> NDArray:
+        """Applies the change to roughness."""
+        return np.clip(r + self.roughness_shift, 0.001, 1) if "glossiness" in self.freed else r
+
+
+def pool_tables(evidences: list[Evidence], material: int, model: str = "preview_surface") -> Tables:
+    """Sums the evidence of strokes about one material into tables over dabs."""
+    parts = [_tables_of(e, material, i, model) for i, e in enumerate(evidences)]
+    parts = [p for p in parts if len(p["target"])]
+    assert parts, "no dab on the material"
+    cat = {k: np.concatenate([p[k] for p in parts]) for k in parts[0]}
+    target = cat["target"]
+    mean = np.array([np.mean(target[cat["stroke"] == s]) for s in cat["stroke"]])
+    back_p = cat["back_p"]
+    back_scale = np.abs(back_p[:, -1]) + 0.1 * np.abs(back_p[:, -1]).mean() + 1e-9
+    d, f0, f90 = cat["d"], cat["f0"], cat["f90"]
+    return Tables(
+        target=target,
+        scale=np.abs(target) + 0.1 * mean[:, None] + 1e-6,
+        place=cat["place"],
+        stroke=cat["stroke"],
+        flat=cat["flat"],
+        p=cat["p"],
+        u=cat["u"],
+        v=cat["v"],
+        w=cat["w"],
+        tint_u=cat["tint_u"],
+        tint_w=cat["tint_w"],
+        back=(back_p, cat["back_u"], cat["back_v"], cat["back_w"], back_scale),
+        levels=cat["levels"].mean(0),
+        diffuse=d.mean(0),
+        f0=f0.mean(0),
+        roughness=float(cat["levels"][:, -1].mean()),
+        is_metal=bool(np.abs(f90 - f0).max() < 2e-3 and d.max() < 0.02),
+        is_textured=bool(d.std(0).max() > 5e-3),
+    )
+
+
+def _tables_of(e: Evidence, material: int, index: int, model: str) -> dict[str, NDArray]:
+    n = len(e.target)
+    here = np.flatnonzero(e.material == material)
+    mean = lambda x: _mean_by(x, e.dab_of_sample, n)[here]  # noqa: E731
+    s = e.surface
+    d, f0, f90 = (x.astype(np.float64) for x in (s.diffuse, s.f0, s.f90))
+    tied = bool(np.abs(f90 - f0).max() < 2e-3 and d.max() < 0.02) if len(d) else False
+    p, u, v, w = bilinear(e.columns, d, f0, f90, tied, model)
+    p = p + e.coat[:, None]
+    dd = d[:, None]
+    row = e.background_sample
+    keep = np.isin(e.material[e.dab_of_sample[row]], [material])
+    bp, bu, bv, bw = (x[keep] for x in bilinear(e.background, d[row], f0[row], f90[row], tied, model))
+    colors = e.target[here]
+    flat = len(here) > 2 and bool((colors.std(0) <= 0.01 * colors.mean() + 1e-9).all())
+    return {
+        "target": colors,
+        "place": mean(s.position.astype(np.float64)),
+        "stroke": np.full(len(here), index),
+        "flat": np.full(len(here), flat),
+        "p": mean(p),
+        "u": mean(u),
+        "v": mean(v),
+        "w": mean(w),
+        "tint_u": mean(u * dd),
+        "tint_w": mean(w * dd),
+        "back_p": bp,
+        "back_u": bu,
+        "back_v": bv,
+        "back_w": bw,
+        "levels": mean(e.levels),
+        "d": mean(d),
+        "f0": mean(f0),
+        "f90": mean(f90),
+    }
+
+
+def bilinear(columns: F64, d: F64, f0: F64, f90: F64, tied: bool, model: str) -> tuple[F64, F64, F64, F64]:
+    """Turns columns (n, J, 4, 3) into P, U, V, W (n, J, 3) about the present parameters (n, 3).
+
+    Args:
+        tied: F90 changes with F0, as in a metal of the metal workflow.
+    """
+    x, y, a, b = (columns[:, :, k] for k in range(4))
+    d, f0, f90 = d[:, None], f0[:, None], f90[:, None]
+    if model == "phong":
+        return d * x + f0 * a, x, a, np.zeros_like(x)
+    p = d * ((1 - f0) * x + (1 - f90) * y) + f0 * a + f90 * b
+    u = (1 - f0) * x + (1 - f90) * y
+    if tied:
+        return p, u, a + b - d * (x + y), x + y
+    return p, u, a - d * x, x
+
+
+def whiten(t: Tables, o: Options) -> F64:
+    """Returns the matrix (3n, 3n) that makes relative residuals, dab by dab and channel by channel, independent."""
+    n = len(t.target)
+    same = (t.stroke[:, None] == t.stroke[None]).astype(float)
+    gap = np.linalg.norm(t.place[:, None] - t.place[None], axis=-1)
+    extent = np.array([gap[np.ix_(t.stroke == s, t.stroke == s)].max() for s in t.stroke])
+    length = np.maximum(o.drift_length * extent, 1e-9)
+    drift = same * np.exp(-0.5 * (gap / length[:, None]) ** 2) * o.drift_error**2
+    drift = 0.5 * (drift + drift.T)
+    flat = np.where(t.flat, o.flat_error, 0.0) ** 2
+    brightness = drift + np.diag(flat)
+    # the painter of one colour got its mean right: take the mean's share out of the flat error again
+    for s in np.unique(t.stroke[t.flat]):
+        rows = np.flatnonzero(t.stroke == s)
+        brightness[np.ix_(rows, rows)] -= o.flat_error**2 / len(rows)
+    eye, one = np.eye(3), np.ones((3, 3))
+    cov = np.kron(brightness, one) + np.kron(same * o.tint_error**2, eye) + np.eye(3 * n) * o.dab_error**2
+    return np.linalg.inv(np.linalg.cholesky(cov))
+
+
+def enumerate_candidates(t: Tables, o: Options | None = None, groups: tuple[str, ...] = GROUPS) -> list[Candidate]:
+    """Fits every candidate at every level and returns the best of each set of parameters, cheapest first."""
+    o = o or Options()
+    white = whiten(t, o)
+    best: dict[str, Candidate] = {}
+    for free_gloss in (False, True) if "glossiness" in groups else (False,):
+        for level in range(LEVEL_COUNT) if free_gloss else (t.own,):
+            for diffuse in _choices("diffuse" in groups, ("color",)):
+                for specular in _choices("specular" in groups, ("grey", "color")):
+                    c = fit(t, o, white, level, diffuse, specular, free_gloss)
+                    if c.id not in best or c.cost < best[c.id].cost:
+                        best[c.id] = c
+    return sorted(best.values(), key=lambda c: c.cost)
+
+
+def _choices(allowed: bool, ways: tuple[str, ...]) -> tuple[str, ...]:
+    return ("", *ways) if allowed else ("",)
+
+
+def fit(
+    t: Tables, o: Options, white: F64, level: int, diffuse: str, specular: str, free_gloss: bool
+) -> Candidate:
+    """Fits one candidate: `diffuse` in "", "color"; `specular` in "", "grey", "color"."""
+    freed = tuple(g for g, f in zip(GROUPS, (diffuse, specular, free_gloss), strict=True) if f)
+    tries = [False, True] if diffuse and t.is_textured else [False]
+    fits = [_fit(t, o, white, level, diffuse, specular, tint) for tint in tries]
+    tint = int(len(fits) > 1 and fits[1][2] < fits[0][2])
+    dd, df, misfit = fits[tint]
+    freedoms = 3 * bool(diffuse) + {"": 0, "grey": 1, "color": 3}[specular] + free_gloss
+    c = Candidate(
+        freed, dd, df, float(t.levels[level] - t.roughness) if free_gloss else 0.0, bool(tint and diffuse), level,
+        misfit, freedoms,
+    )  # fmt: skip
+    return replace(c, cost=score(t, o, c))
+
+
+def score(t: Tables, o: Options, c: Candidate) -> float:
+    """Cost of a candidate: misfit, unpainted directions, freedoms, and how odd it is for the kind of surface."""
+    n = len(t.target)
+    cost = n * o.tail * np.log1p(c.misfit / (n * o.tail)) + o.background * background_misfit(t, c) * n * 100
+    if o.norm == "l0" and len(c.freed) > 1:
+        return float(cost + 1e6)
+    if o.norm == "l2":
+        return float(cost if len(c.freed) == 3 else cost + 1e6)
+    cost += o.freedom * c.freedoms + o.group * max(len(c.freed) - 1, 0)
+    if t.is_metal and "diffuse" in c.freed:
+        cost += o.kind
+    is_colored = float(np.ptp(c.f0_of(t.f0))) > 0.05
+    if not t.is_metal and "specular" in c.freed and is_colored and np.ptp(t.f0) < 0.02:
+        cost += o.kind
+    return float(cost)
+
+
+def background_misfit(t: Tables, c: Candidate) -> float:
+    """Mean square relative change of the unpainted directions."""
+    p, u, v, w, scale = t.back
+    if not len(p):
+        return 0.0
+    j = c.level
+    dd = c.delta_diffuse * (t.diffuse if c.is_tint else 1)
+    change = p[:, j] + dd * u[:, j] + c.delta_f0 * v[:, j] - dd * c.delta_f0 * w[:, j] - p[:, t.own]
+    r = np.minimum(np.abs(change / scale), 3.0)
+    return float((r * r).mean())
+
+
+def _fit(
+    t: Tables, o: Options, white: F64, level: int, diffuse: str, specular: str, tint: bool
+) -> tuple[F64, F64, float]:
+    """Least squares of the whitened residual under the bounds; returns delta d (or factor), delta F0, misfit."""
+    u, w = (t.tint_u, t.tint_w) if tint else (t.u, t.w)
+    p, u, v, w = (x[:, level] for x in (t.p, u, t.v, w))
+    low_d, high_d = (-np.ones(3), 1 / np.maximum(t.diffuse, 1e-3) - 1) if tint else (-t.diffuse, 1 - t.diffuse)
+    low_f, high_f = -t.f0, 1 - t.f0
+    dd, df = np.zeros(3), np.zeros(3)
+    n = len(t.target)
+
+    def residual(dd: F64, df: F64) -> F64:
+        return white @ ((p + dd * u + df * v - dd * df * w - t.target) / t.scale).reshape(-1)
+
+    r = residual(dd, df)
+    if diffuse or specular:
+        for _ in range(ROUNDS if diffuse and specular else 2):
+            columns, lows, highs, at = [], [], [], []
+            if diffuse:
+                g = (u - df * w) / t.scale
+                for c in range(3):
+                    columns.append(_channel(g, c, n))
+                lows, highs, at = [*lows, *low_d], [*highs, *high_d], [*at, *dd]
+            if specular:
+                g = (v - dd * w) / t.scale
+                if specular == "color":
+                    for c in range(3):
+                        columns.append(_channel(g, c, n))
+                    lows, highs, at = [*lows, *low_f], [*highs, *high_f], [*at, *df]
+                else:
+                    columns.append(g.reshape(-1))
+                    lows, highs, at = [*lows, low_f.max()], [*highs, high_f.min()], [*at, df[0]]
+            a = white @ np.stack(columns, 1)
+            x = _bounded(a, a @ np.array(at) - r, np.array(lows), np.array(highs))
+            if diffuse:
+                dd, x = x[:3], x[3:]
+            if specular:
+                df = x[:3] if specular == "color" else np.full(3, x[0])
+            r = residual(dd, df)
+    return dd, df, float(r @ r)
+
+
+def _channel(g: F64, c: int, n: int) -> F64:
+    out = np.zeros((n, 3))
+    out[:, c] = g[:, c]
+    return out.reshape(-1)
+
+
+def _bounded(a: F64, b: F64, low: F64, high: F64) -> F64:
+    """Least squares a x = b with low <= x <= high: what leaves the bounds is fixed on them and the rest solved again."""
+    free = np.ones(len(low), bool)
+    x = np.clip(np.zeros(len(low)), low, high)
+    for _ in range(len(low)):
+        if not free.any():
+            break
+        normal = a[:, free].T @ a[:, free]
+        normal[np.diag_indices_from(normal)] += 1e-9 * (np.trace(normal) / len(normal) + 1e-30)
+        x[free] = np.linalg.solve(normal, a[:, free].T @ (b - a[:, ~free] @ x[~free]))
+        out = free & ((x < low) | (x > high))
+        x = np.clip(x, low, high)
+        if not out.any():
+            break
+        free &= ~out
+    return x
+
+
+def refit(t: Tables, chosen: Candidate, o: Options | None = None) -> Candidate:
+    """Fits the chosen parameters again, on the painted directions alone and without a painter's drift and tint."""
+    o = o or Options()
+    exact = replace(o, drift_error=0.03, tint_error=0.01)
+    white = whiten(t, exact)
+    diffuse = "color" if "diffuse" in chosen.freed else ""
+    specular = ""
+    if "specular" in chosen.freed:
+        specular = "grey" if chosen.freedoms in (1, 2, 4, 5) and np.ptp(chosen.delta_f0) == 0 else "color"
+    level = chosen.level
+    if diffuse and chosen.is_tint != (t.is_textured and chosen.is_tint):
+        raise AssertionError
+    dd, df, misfit = _fit(t, exact, white, level, diffuse, specular, chosen.is_tint)
+    return replace(chosen, delta_diffuse=dd, delta_f0=df, misfit=misfit)
+
+
+def relative_error(t: Tables, c: Candidate) -> float:
+    """Relative root mean square of the painted radiance minus what the candidate gives."""
+    j = c.level
+    u, w = (t.tint_u, t.tint_w) if c.is_tint else (t.u, t.w)
+    got = t.p[:, j] + c.delta_diffuse * u[:, j] + c.delta_f0 * t.v[:, j] - c.delta_diffuse * c.delta_f0 * w[:, j]
+    return float(np.sqrt(np.mean(((got - t.target) / t.scale) ** 2)))
+
+
+def _mean_by(values: NDArray, group: NDArray, n: int) -> NDArray:
+    out = np.zeros((n, *values.shape[1:]))
+    np.add.at(out, group, values)
+    return out / np.maximum(np.bincount(group, minlength=n), 1).reshape(-1, *[1] * (values.ndim - 1))
