@@ -6,7 +6,8 @@ puts it into the world.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+import hashlib
+from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -89,21 +90,20 @@ def build_shape(polygons: Polygons, refine: int = 1, faces_max: int = REFINED_FA
     """
     if polygons.scheme == "loop" and (polygons.counts != 3).any():
         polygons = _only_triangles(polygons)
-    face, fields = polygons.face, {n: v for n, v in polygons.primvars.items()}
+    face, primvars = polygons.face, dict(polygons.primvars)
     net, points, levels = _net(polygons), polygons.points, 0
+    hidden: NDArray[np.bool_] | None = None
     smooth: dict[str, Net] = {}  # face-varying values that are smooth have a net of their own
     if polygons.scheme != "none":
-        hidden = _boundary_faces(net) if polygons.boundary == "none" and polygons.scheme != "bilinear" else None
+        if polygons.boundary == "none" and polygons.scheme != "bilinear":
+            hidden = _boundary_faces(net)
         while levels < refine and _refined_count(net, polygons.scheme) <= faces_max:
             if levels == 0:
                 smooth = _smooth_nets(net, polygons)
-            points, fields, smooth, child = _refine(net, points, fields, smooth, polygons)
+            points, primvars, smooth, child = _refine(net, points, primvars, smooth, polygons)
             origin = refined_faces(net, polygons.scheme)
             face, net, levels = face[origin], child, levels + 1
             hidden = hidden[origin] if hidden is not None else None
-    else:
-        hidden = None
-
     normals = _normals(polygons, net, points, levels)
     corners, net_face, _ = triangulate(points, net.counts, net.indices)
     authored = face[net_face]
@@ -120,8 +120,8 @@ def build_shape(polygons: Polygons, refine: int = 1, faces_max: int = REFINED_FA
     if polygons.left_handed:
         corners = corners[:, [0, 2, 1]]
     triangles = net.indices[corners]
-    flat = _unit(cross(points[triangles[:, 1]] - points[triangles[:, 0]],
-                       points[triangles[:, 2]] - points[triangles[:, 0]]))  # fmt: skip
+    p = points[triangles]
+    flat = _unit(cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]))
     shading = np.repeat(flat[:, None], 3, axis=1) if normals is None else normals[corners]
     good = np.isfinite(shading).all(2, keepdims=True) & (np.abs(shading).max(2, keepdims=True) > 0)
     return Shape(
@@ -130,9 +130,31 @@ def build_shape(polygons: Polygons, refine: int = 1, faces_max: int = REFINED_FA
         corner_normals=np.where(good, shading, flat[:, None]),
         face=authored[keep].astype(np.int32),
         within=within[keep].astype(np.int32),
-        primvars={n: _of_corners(v, net, corners, net_face, triangles) for n, v in fields.items()},
+        primvars={n: _of_corners(v, net, corners, net_face, triangles) for n, v in primvars.items()},
         levels=levels,
     )
+
+
+def fingerprint(polygons: Polygons) -> bytes:
+    """Returns a digest of everything that a shape depends on: equal for equal polygons."""
+    digest = hashlib.blake2b(digest_size=16)
+
+    def add(value: object) -> None:
+        if isinstance(value, np.ndarray):
+            digest.update(repr((value.dtype, value.shape)).encode())
+            digest.update(np.ascontiguousarray(value).data)
+        elif isinstance(value, Polygons | Values):
+            for part in fields(value):
+                add(getattr(value, part.name))
+        elif isinstance(value, dict | tuple):
+            digest.update(repr(len(value)).encode())
+            for item in value.items() if isinstance(value, dict) else value:
+                add(item)
+        else:
+            digest.update(repr(value).encode())
+
+    add(polygons)
+    return digest.digest()
 
 
 def place(shape: Shape, world_from_object: F64) -> tuple[F32, I32, F32, NDArray[np.bool_]]:
@@ -151,8 +173,8 @@ def place(shape: Shape, world_from_object: F64) -> tuple[F32, I32, F32, NDArray[
     triangles = shape.triangles
     if mirrored:
         triangles, normals = triangles[:, [0, 2, 1]], normals[:, [0, 2, 1]]
-    positions = positions.astype(np.float32)
-    return positions, triangles, normals.astype(np.float32), has_area(positions[triangles].astype(np.float64))
+    corners = positions.astype(np.float32)
+    return corners, triangles, normals.astype(np.float32), has_area(corners[triangles].astype(np.float64))
 
 
 def has_area(p: F64) -> NDArray[np.bool_]:
@@ -188,16 +210,17 @@ def _boundary_faces(net: Net) -> NDArray[np.bool_]:
 
 def _smooth_nets(net: Net, polygons: Polygons) -> dict[str, Net]:
     rule = polygons.face_varying_rule
+    if rule == "all" or polygons.scheme == "bilinear":
+        return {}
     return {
         name: face_varying_net(net, v.indices, len(v.values), rule)
         for name, v in polygons.primvars.items()
-        if v.interpolation == "faceVarying" and v.indices is not None and rule != "all"
-        and polygons.scheme != "bilinear"
-    }  # fmt: skip
+        if v.interpolation == "faceVarying" and v.indices is not None
+    }
 
 
 def _refine(
-    net: Net, points: F64, fields: dict[str, Values], smooth: dict[str, Net], polygons: Polygons
+    net: Net, points: F64, primvars: dict[str, Values], smooth: dict[str, Net], polygons: Polygons
 ) -> tuple[F64, dict[str, Values], dict[str, Net], Net]:
     """Refines points and primvars by one level."""
     scheme = polygons.scheme
@@ -205,7 +228,7 @@ def _refine(
     linear = None
     out: dict[str, Values] = {}
     nets: dict[str, Net] = {}
-    for name, v in fields.items():
+    for name, v in primvars.items():
         if v.interpolation == "vertex":
             out[name] = Values("vertex", stencil @ v.flat)
         elif v.interpolation == "varying":

@@ -17,7 +17,7 @@ def face_normals(net: Net, points: F64) -> F64:
     """Unit Newell normals (F, 3); zero where a face has no area."""
     links = net.links
     p = points[net.indices] - points[net.indices[links.first]][links.face]
-    normal = np.add.reduceat(cross(p, p[links.next]), links.first, axis=0)
+    normal: F64 = np.add.reduceat(cross(p, p[links.next]), links.first, axis=0)
     return _unit(normal)
 
 
@@ -30,11 +30,11 @@ def corner_normals(net: Net, points: F64) -> F64:
     p = points[net.indices]
     to_next = _unit(p[links.next] - p)
     to_previous = -to_next[links.previous]
-    angle = np.arccos(np.clip(np.einsum("ci,ci->c", to_next, to_previous), -1, 1))
+    angle: F64 = np.arccos(np.clip(np.einsum("ci,ci->c", to_next, to_previous), -1, 1))
     weighted = face_normals(net, points)[links.face] * angle[:, None]
     group = _groups(net)
     size = int(group.max(initial=-1)) + 1
-    total = np.stack([np.bincount(group, weighted[:, i], size) for i in range(3)], axis=1)
+    total: F64 = np.stack([np.bincount(group, weighted[:, i], size) for i in range(3)], axis=1)
     return _unit(total)[group]
 
 
@@ -116,7 +116,8 @@ def limit_normals(net: Net, points: F64, scheme: str) -> F64:
     normal = np.zeros((net.vertex_count, 3))
     normal[vertex] = _unit(cross(tangent[0], tangent[1]))
     normal = normal[net.indices]
-    agrees = np.einsum("ci,ci->c", normal, out)[:, None] > 0.1  # false for the others, and where a ring is folded
+    # Not so for the other vertices, and where a ring is folded.
+    agrees = np.einsum("ci,ci->c", normal, out)[:, None] > 0.1
     return np.where(agrees, normal, out)
 
 

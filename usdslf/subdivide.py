@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +23,7 @@ from usdslf.scene import F64
 
 I64 = NDArray[np.int64]
 Bool = NDArray[np.bool_]
-Matrix = sparse.csr_array
+Matrix: TypeAlias = Any  # scipy.sparse.csr_array, which has no types
 
 
 @dataclass(frozen=True)
@@ -70,7 +71,7 @@ def make_net(
     """Makes a net of a cage.
 
     Args:
-        creases: edges as vertex pairs (K, 2) and their sharpness (K,).  Pairs without an edge are passed over.
+        creases: edges as vertex pairs (K, 2) and their sharpness (K,); pairs without an edge are left out.
         corners: vertices (K,) and their sharpness (K,).
         boundary: edgeAndCorner | edgeOnly | none; whether vertices of a single face are sharp.
     """

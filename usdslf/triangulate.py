@@ -81,7 +81,8 @@ def _flatten(p: F64) -> F64:
 
 def _turn(a: F64, b: F64, c: F64) -> F64:
     """Twice the signed area of triangles a b c, each (..., 2)."""
-    return (b[..., 0] - a[..., 0]) * (c[..., 1] - a[..., 1]) - (b[..., 1] - a[..., 1]) * (c[..., 0] - a[..., 0])
+    p, q = b - a, c - a
+    return p[..., 0] * q[..., 1] - p[..., 1] * q[..., 0]
 
 
 def _clip_ears(flat: F64) -> I64:

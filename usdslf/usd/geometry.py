@@ -14,15 +14,16 @@ import numpy as np
 from pxr import Usd, UsdGeom
 
 from usdslf.scene import F32, F64, I32, Mesh
-from usdslf.shape import REFINED_FACES_MAX, Shape, build_shape, place
+from usdslf.shape import REFINED_FACES_MAX, Shape, build_shape, fingerprint, place
 from usdslf.usd.implicit import TYPES, read_implicit
 from usdslf.usd.notes import Notes
 from usdslf.usd.placement import Placed, Placement
 from usdslf.usd.polygons import read_polygons
-from usdslf.usd.primvars import Primvars, read_primvars
+from usdslf.usd.primvars import read_primvars
 from usdslf.usd.skinning import Skins
 
 TRIANGLES_MAX = 30_000_000  # of a stage, after instancing
+REFINED_TRIANGLES_MAX = 3_000_000  # of a stage; cages are refined less rather than pass it
 
 _CONSTANT = {"constant": 1}
 
@@ -42,15 +43,17 @@ def read_meshes(
         warnings: takes a sentence, naming prims, for everything that could not be read.
     """
     notes = Notes()
-    reader = _Reader(time, refine, notes)
+    everything = list(Placement(stage, time, notes).gprims())
+    reader = _Reader(time, _affordable(everything, refine, time, notes), notes)
     meshes: list[Mesh] = []
     total = 0
-    for placed in Placement(stage, time, notes).gprims():
+    for placed in everything:
         read = reader.shape(placed.prim)
         if read is None:
             continue
         if total + len(read.shape.triangles) > TRIANGLES_MAX:
-            notes.add(f"the stage has more than {TRIANGLES_MAX} triangles; left out from {{}} on", placed.path)
+            reason = f"the stage has more than {TRIANGLES_MAX} triangles: {{}} and what follows is left out"
+            notes.add(reason, placed.path)
             break
         mesh = _mesh(placed, read, material_index, time, notes)
         if mesh is not None:
@@ -59,6 +62,35 @@ def read_meshes(
     if warnings is not None:
         warnings += [s for s in notes.sentences() if s not in warnings]
     return meshes
+
+
+def _affordable(everything: list[Placed], refine: int, time: Usd.TimeCode, notes: Notes) -> int:
+    """Returns how often cages are refined: less than asked where many instances would make it too much."""
+    corners: dict[Any, int] = {}  # of a cage; 0 for what is not refined
+    total = 0
+    for placed in everything:
+        own = _own(placed.prim)
+        key = own.GetPath()
+        if key not in corners:
+            mesh = UsdGeom.Mesh(own)
+            cage = mesh and mesh.GetSubdivisionSchemeAttr().Get(time) != "none"
+            corners[key] = len(mesh.GetFaceVertexIndicesAttr().Get(time) or ()) if cage else 0
+        count = corners[key]
+        total += count if count <= REFINED_FACES_MAX else 0
+    # A corner becomes a quad, two triangles, and each further level four times as many.
+    levels = refine
+    while levels > 0 and total * 2 * 4 ** (levels - 1) > REFINED_TRIANGLES_MAX:
+        levels -= 1
+    if levels < refine:
+        root = everything[0].prim.GetStage().GetRootLayer().identifier
+        times = f"refined {levels} times" if levels else "not refined"
+        notes.add(f"the cages of {{}} are {times}: more would pass {REFINED_TRIANGLES_MAX} triangles", root)
+    return levels
+
+
+def _own(prim: Usd.Prim) -> Usd.Prim:
+    """The prim that instances share, or the prim itself."""
+    return prim.GetPrimInPrototype() if prim.IsInstanceProxy() else prim
 
 
 @dataclass(frozen=True)
@@ -77,14 +109,14 @@ class _Reader:
         self._time, self._refine, self._notes = time, refine, notes
         self._skins = Skins(time, notes)
         self._shared: dict[Any, _Read | None] = {}
+        self._shapes: dict[bytes, Shape] = {}
 
     def shape(self, prim: Usd.Prim) -> _Read | None:
         """Returns the shape of a gprim, or none (with a note) where it is not read."""
         query = self._skins.query(prim) if prim.IsA(UsdGeom.Mesh) else None
         if query is not None:
             return self._read(prim, query)
-        own = prim.GetPrimInPrototype() if prim.IsInstanceProxy() else prim
-        key = own.GetPath()
+        key = _own(prim).GetPath()
         if key not in self._shared:
             self._shared[key] = self._read(prim, None)
         read = self._shared[key]
@@ -117,10 +149,13 @@ class _Reader:
                 self._notes.add(f"{kind} is not read and was left out: {{}}", path)
             return None
 
-        shape = build_shape(polygons, self._refine)
+        key = fingerprint(polygons)  # references without instancing bring the same mesh many times
+        if key not in self._shapes:
+            self._shapes[key] = build_shape(polygons, self._refine)
+        shape = self._shapes[key]
         if polygons.scheme != "none" and shape.levels < self._refine:
             times = "not refined" if shape.levels == 0 else f"refined {shape.levels} times only"
-            self._notes.add(f"the cage {{}} is {times}: refined it has more than {REFINED_FACES_MAX} faces", path)
+            self._notes.add(f"the cage {{}} is {times}: more than {REFINED_FACES_MAX} faces", path)
         if not len(shape.triangles):
             self._notes.add("the gprim {} has no triangle with an area; left out", path)
             return None
@@ -199,4 +234,5 @@ def _binds(subset: UsdGeom.Subset) -> bool:
         return False
     if subset.GetFamilyNameAttr().Get() == "materialBind":
         return True
-    return any(r.GetName().startswith("material:binding") for r in subset.GetPrim().GetAuthoredRelationships())
+    relationships = subset.GetPrim().GetAuthoredRelationships()
+    return any(r.GetName().startswith("material:binding") for r in relationships)

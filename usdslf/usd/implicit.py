@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 from pxr import Usd, UsdGeom
@@ -43,10 +44,12 @@ def read_implicit(prim: Usd.Prim, time: Usd.TimeCode, notes: Notes) -> Polygons 
     if kind == "Plane":
         # Width lies along X (along Z where the axis is X), length along Y (along Z where the axis is Y).
         width, length = values
-        if axis == "X":
-            width, length = length, width
-        elif axis == "Y":
+        if axis in ("X", "Y"):
             width, length = length, width
         return tessellate.along(tessellate.plane(width, length), axis)
-    make = {"Cone": tessellate.cone, "Capsule": tessellate.capsule, "Capsule_1": tessellate.capsule}
+    make: dict[str, Callable[..., Polygons]] = {
+        "Cone": tessellate.cone,
+        "Capsule": tessellate.capsule,
+        "Capsule_1": tessellate.capsule,
+    }
     return tessellate.along(make.get(kind, tessellate.cylinder)(*values), axis)

@@ -14,7 +14,7 @@ from pxr import Gf, Usd, UsdGeom
 
 from usdslf.scene import F64
 from usdslf.usd.notes import Notes
-from usdslf.usd.primvars import Primvars, read_primvars
+from usdslf.usd.primvars import read_primvars
 
 _PURPOSES = ("default", "render")
 
@@ -86,14 +86,21 @@ class Placement:
                     _writable(prim, frame),
                     frame.primvars,
                 )
-            if prim.HasAPI(UsdGeom.ModelAPI) or prim.IsModel():
-                model = UsdGeom.ModelAPI(prim)
-                if model.GetModelApplyDrawModeAttr().Get() and model.ComputeModelDrawMode() != "default":
-                    self._notes.add("the draw mode of {} is not honoured: the full geometry is read", prim.GetPath())
+            if prim.IsModel() and self._draw_mode(prim) != "default":
+                self._notes.add("the draw mode of {} is not honoured: its geometry is read", prim.GetPath())
         below = self._predicate if frame.root is None else self._below_prototype
         for child in prim.GetFilteredChildren(below):
             if frame.root is None or child.HasDefiningSpecifier():
                 yield from self._walk(child, purpose, frame, inside)
+
+    def _draw_mode(self, prim: Usd.Prim) -> str:
+        """How a model asks to be drawn; cards and boxes are for components, and where they are applied."""
+        model = UsdGeom.ModelAPI(prim)
+        mode = model.GetModelDrawModeAttr()
+        if not mode or not mode.HasAuthoredValue():
+            return "default"
+        applies = Usd.ModelAPI(prim).GetKind() == "component" or model.GetModelApplyDrawModeAttr().Get()
+        return str(mode.Get()) if applies and mode.Get() != "inherited" else "default"
 
     def _world(self, prim: Usd.Prim, frame: _Frame) -> Gf.Matrix4d:
         if frame.world_from_root is None or frame.root is None:
@@ -113,11 +120,10 @@ class Placement:
         stage = prim.GetStage()
         roots = [stage.GetPrimAtPath(p) for p in instancer.GetPrototypesRel().GetForwardedTargets()]
         which = np.asarray(instancer.GetProtoIndicesAttr().Get(self._time) or [], np.int64)
-        transforms = instancer.ComputeInstanceTransformsAtTime(
-            self._time, self._time, UsdGeom.PointInstancer.IncludeProtoXform, UsdGeom.PointInstancer.IgnoreMask
-        )
+        how = (instancer.IncludeProtoXform, instancer.IgnoreMask)
+        transforms = instancer.ComputeInstanceTransformsAtTime(self._time, self._time, *how)
         if not roots or len(transforms) != len(which):
-            self._notes.add("the PointInstancer {} has no prototypes, or positions that do not fit; left out", path)
+            self._notes.add("the prototypes or positions of the PointInstancer {} do not fit; left out", path)
             return
         shown = np.asarray(instancer.ComputeMaskAtTime(self._time) or [True] * len(which), bool)
         valid = np.array([bool(r) for r in roots])
@@ -126,9 +132,10 @@ class Placement:
         if not good[shown].all():
             self._notes.add("the PointInstancer {} names prototypes that are not there; left out", path)
         world_from_instancer = self._world(prim, frame)
-        sizes = {"constant": 1, "uniform": 1, **dict.fromkeys(("vertex", "varying", "faceVarying"), len(which))}
-        given = read_primvars(UsdGeom.PrimvarsAPI(prim).GetPrimvarsWithAuthoredValues(), self._time, sizes, Notes())
-        each = {name: v.flat for name, v in given.varying.items() if len(v.flat) == len(which)}
+        sizes = dict.fromkeys(("uniform", "vertex", "varying", "faceVarying"), len(which)) | {"constant": 1}
+        authored = UsdGeom.PrimvarsAPI(prim).GetPrimvarsWithAuthoredValues()
+        given = read_primvars(authored, self._time, sizes, self._notes)
+        each = {name: v.flat for name, v in given.varying.items()}
         common = {**frame.primvars, **given.constant}
         for i in np.flatnonzero(shown & good):
             root = roots[which[i]]

@@ -32,7 +32,7 @@ def read_polygons(
         notes.add("the mesh {} has no points or no faces at this frame; left out", path)
         return None
     if (counts < 0).any() or counts.sum() != len(indices):
-        notes.add("the faces of {} do not add up: faceVertexCounts disagrees with faceVertexIndices; left out", path)
+        notes.add("faceVertexCounts and faceVertexIndices of {} disagree; left out", path)
         return None
     if len(indices) and (indices.min() < 0 or indices.max() >= len(points)):
         notes.add("the faces of {} name points that are not there; left out", path)
@@ -57,11 +57,11 @@ def read_polygons(
     first = np.concatenate([[0], np.cumsum(counts)[:-1]]).astype(np.int64)
     face_of_corner = np.repeat(np.arange(len(counts)), counts)
     finite = np.isfinite(points).all(1)
-    bad = np.bincount(face_of_corner[~finite[indices]], minlength=len(counts)) > 0
+    bad: NDArray[np.bool_] = np.bincount(face_of_corner[~finite[indices]], minlength=len(counts)) > 0
     if bad.any():
         notes.add("the mesh {} has points that are nan or inf; the faces on them are left out", path)
         points = np.where(finite[:, None], points, 0.0)
-    keep = ~bad & (counts >= 3)
+    keep: NDArray[np.bool_] = np.asarray(~bad & (counts >= 3))
     kept_faces, kept_corners = np.flatnonzero(keep), np.flatnonzero(keep[face_of_corner])
     if not len(kept_faces):
         notes.add("the mesh {} has no face with three finite corners; left out", path)

@@ -34,7 +34,9 @@ def read_primvars(
     out = Primvars()
     for primvar in primvars:
         name = str(primvar.GetPrimvarName())
-        if name == "normals" or name.startswith(("skel:", "ri:")) or primvar.GetElementSize() != 1:
+        # Points, normals and vectors (rest positions, tangents) drive no input of a material.
+        geometric = primvar.GetTypeName().role in ("Point", "Normal", "Vector")
+        if geometric or name == "normals" or name.startswith("skel:") or primvar.GetElementSize() != 1:
             continue
         values = numbers(primvar.GetAttr().Get(time))
         if values is None or values.shape[1] > 4:
@@ -55,7 +57,9 @@ def read_primvars(
     return out
 
 
-def read_normals(mesh: UsdGeom.Mesh, time: Usd.TimeCode, sizes: dict[str, int], notes: Notes) -> Values | None:
+def read_normals(
+    mesh: UsdGeom.Mesh, time: Usd.TimeCode, sizes: dict[str, int], notes: Notes
+) -> Values | None:
     """Reads authored normals; `primvars:normals` beats `normals`."""
     primvar = UsdGeom.PrimvarsAPI(mesh).GetPrimvar("normals")
     if primvar and primvar.HasAuthoredValue():
@@ -69,7 +73,7 @@ def read_normals(mesh: UsdGeom.Mesh, time: Usd.TimeCode, sizes: dict[str, int], 
         return None
     read = _checked(values, indices, interpolation, sizes)
     if read is None:
-        notes.add("the normals of {} do not fit its points and faces; its own faces' normals are used", mesh.GetPath())
+        notes.add("the normals of {} do not fit its points and faces; it is shaded flat", mesh.GetPath())
         return None
     if interpolation == "constant":
         return Values("uniform", np.repeat(read.flat[:1], sizes["uniform"], axis=0))

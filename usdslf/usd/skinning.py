@@ -59,7 +59,7 @@ class Skins:
             return Posed(np.asarray(points, np.float64), None, None)
         joints = skel.ComputeSkinningTransforms(self._time)
         if joints is None or not query.ComputeSkinnedPoints(joints, points, self._time):
-            self._notes.add("the joints of {} do not fit its points; it is shown in its rest pose", prim.GetPath())
+            self._notes.add("the joints of {} do not fit it; it is shown in its rest pose", prim.GetPath())
             return None
         world = np.array(self._xforms.GetLocalToWorldTransform(skel.GetPrim()), np.float64).T
         return Posed(np.asarray(points, np.float64), world, self._turn(query, joints, len(points)))
