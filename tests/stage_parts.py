@@ -119,6 +119,25 @@ def vase(height: float = 1.0, width: float = 0.32) -> MeshData:
     return lathe(np.concatenate([[[0.0, 0.0]], np.maximum(curve, [[1e-4, 0]])]))
 
 
+def bottle(height: float = 1.0, width: float = 0.26) -> MeshData:
+    """A closed bottle with a straight body and a narrow neck."""
+    body = [(0.0, 0.0), (0.85, 0.0), (0.97, 0.02), (1.0, 0.06), (1.0, 0.3), (0.98, 0.5), (0.7, 0.64)]
+    neck = [(0.4, 0.72), (0.36, 0.85), (0.42, 0.88), (0.42, 0.97), (0.3, 1.0), (0.0, 1.0)]
+    curve = np.maximum(_spline([*body[1:], *neck[:-1]], 60), 0) * np.array([width, height])
+    return lathe(np.concatenate([[[0, 0]], curve, [[0, height]]]))
+
+
+def capsule(length: float = 0.6, radius: float = 0.3) -> MeshData:
+    """A cylinder with round ends, standing."""
+    t = np.linspace(0, np.pi / 2, 13)
+    low = np.stack([radius * np.sin(t), radius * (1 - np.cos(t))], -1)
+    middle = np.stack([np.full(8, radius), radius + length * np.arange(1, 9) / 9], -1)
+    high = np.stack([radius * np.cos(t), radius + length + radius * np.sin(t)], -1)
+    profile = np.concatenate([low, middle, high])
+    profile[[0, -1], 0] = 0
+    return lathe(profile)
+
+
 def torus(radius: float = 0.42, tube: float = 0.16, lying: bool = True) -> MeshData:
     """A ring, lying on y = 0 or standing on it in the x-y plane."""
     around = np.linspace(0, 2 * np.pi, 65)

@@ -6,9 +6,10 @@ Names: layout (or `textured`), subject, light, parameter, workflow.  `m` stands 
 
 from __future__ import annotations
 
+from typing import Any
+
 from recovery.stages import Case, InputValue, TextureInput
 
-Grey = float
 TEXTURE = "texture.png"
 
 
@@ -31,9 +32,6 @@ def _m(
 
 def _tex(*scale: float) -> TextureInput:
     return TextureInput(TEXTURE, (scale[0], scale[1], scale[2]) if scale else (1.0, 1.0, 1.0))
-
-
-SHORT = {"diffuse": "diffuse", "specular": "specular", "glossiness": "glossiness"}
 
 
 def _case(
@@ -160,7 +158,39 @@ TUNING = [
     ),
 ]
 
+IRON, BRASS = (0.56, 0.55, 0.53), (0.88, 0.72, 0.4)
+
+
+def _twin(*args: Any, **options: Any) -> Case:
+    return _case(*args, set_name="twin", **options)
+
+
+# Made after the others, with other seeds, shapes and colours; never looked at while tuning.
+TWINS = [
+    _twin("corner", "bottle", "area", D, _m((0.45, 0.15, 0.12), 0.35), _d(0.2, 0.45, 0.4), 201),
+    _twin("corner", "capsule", "sky", G, _m(BRASS, 0.15, 1.0), _r(0.45), 202),
+    _twin("corner", "bottle", "distant", S, _s((0.1, 0.25, 0.12), 0.05, 0.28), _f0(0.35), 203),
+    _twin("single", "capsule", "area", S, _m((0.4, 0.2, 0.35), 0.3), _ior(2.2), 204),
+    _twin("table", "bottle", "sky", S, _m(BRASS, 0.22, 1.0), _d(*IRON), 205, units=100),
+    _twin("room", "capsule", "area", G, _s((0.2, 0.3, 0.4), 0.3, 0.18), _r(0.5), 206),
+    _twin("corner", "floor", "sky", D, _m(_tex(), 0.5), {"diffuseColor": _tex(0.5, 0.7, 0.35)}, 207, "noise"),
+    _twin("corner", "bottle", "area", G, _s(_tex(0.6, 0.6, 0.6), 0.25, 0.45), _r(0.18), 208, "checker"),
+    _twin("table", "ring", "dome", D, _s((0.3, 0.3, 0.35), 0.05, 0.5), _d(0.6, 0.45, 0.1), 209, up="Z"),
+    _twin("room", "bottle", "sky", S, _s((0.12, 0.1, 0.2), 0.5, 0.25), _f0(0.12), 210),
+    _twin("single", "bottle", "distant", G, _m(COPPER, 0.5, 1.0), _r(0.22), 211),
+    _twin(
+        "corner",
+        "capsule",
+        "distant",
+        S,
+        _s(_tex(0.6, 0.6, 0.6), 0.04, 0.3),
+        _f0(0.45, 0.3, 0.2),
+        212,
+        "noise",
+    ),
+]
+
 # Cases that no method can decide, with the reason.
 UNDECIDABLE: dict[str, str] = {}
 
-CASES = TUNING
+CASES = TUNING + TWINS

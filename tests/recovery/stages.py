@@ -1,7 +1,8 @@
 """Stages of the recovery suite: a layout, a light, and one subject whose material is to change.
 
 Layouts: `single` (an object on a ground), `table` (several objects on a table before a wall), `room` (a box
-with one red and one green wall).  Lights: `area`, `dome` (constant), `sky` (textured dome), `distant`.
+with one red and one green wall), `corner` (two walls and a floor, seen from above).
+Lights: `area`, `dome` (constant), `sky` (textured dome), `distant`.
 """
 
 from __future__ import annotations
@@ -19,7 +20,9 @@ from stage_parts import (
     Triple,
     ball,
     blob,
+    bottle,
     box,
+    capsule,
     checker,
     noise,
     rectangle,
@@ -39,8 +42,8 @@ class Case:
     """One change of one parameter of one material."""
 
     name: str
-    layout: str  # single | table | room
-    subject: str  # sphere ball box cube vase torus ring teapot blob pair floor wall
+    layout: str  # single | table | room | corner
+    subject: str  # sphere ball box cube vase torus ring teapot blob bottle capsule pair floor wall
     light: str  # area | dome | sky | distant
     parameter: str  # diffuse | specular | glossiness
     inputs: dict[str, InputValue]  # of the subject's material, before
@@ -86,6 +89,8 @@ def subject_mesh(kind: str, seed: int) -> MeshData:
         "ring": lambda: torus(0.4, 0.12, lying=False),
         "teapot": lambda: teapot(1.0),
         "blob": lambda: blob(0.5, 0.14, seed),
+        "bottle": lambda: bottle(1.05, 0.3),
+        "capsule": lambda: capsule(0.35, 0.32),
     }
     return makers[kind]()
 
@@ -180,9 +185,30 @@ def _room(builder: StageBuilder, case: Case, subject: str, rng: np.random.Genera
     builder.camera((rng.uniform(-0.2, 0.2), 1.2, 5.2), (0, 0.95, 0), 30 if is_wall or is_floor else 26)
 
 
+def _corner(builder: StageBuilder, case: Case, subject: str, rng: np.random.Generator) -> None:
+    """Two walls that meet behind the objects, seen from above."""
+    walls = [builder.material(f"wall{i}", diffuseColor=_bright(rng), roughness=0.5) for i in range(2)]
+    stone = builder.material("stone", diffuseColor=_grey(rng, 0.35, 0.55), roughness=0.45)
+    lacquer = builder.material("lacquer", diffuseColor=_bright(rng), roughness=0.2)
+    is_floor = case.subject == "floor"
+    floor = rectangle((-2, 0, 2), (4, 0, 0), (0, 0, -4), 3.0)
+    builder.mesh("subject" if is_floor else "floor", floor, subject if is_floor else stone)
+    builder.mesh("wall_left", rectangle((-2, 0, 2), (2, 0, -3.2), (0, 2.4, 0)), walls[0])
+    builder.mesh("wall_right", rectangle((0, 0, -1.2), (2, 0, 3.2), (0, 2.4, 0)), walls[1])
+    builder.mesh("hoop", torus(0.28, 0.09), lacquer, (0.75, 0, 0.45))
+    builder.sphere("marble", 0.22, stone, (-0.7, 0.22, 0.55))
+    if not is_floor:
+        _add_subject(builder, case.subject, subject, (0, 0, 0.1), case.seed)
+    builder.camera((rng.uniform(-0.3, 0.3), 1.9, 3.6), (0, 0.4, 0), 31)
+
+
 def _area(builder: StageBuilder, case: Case, rng: np.random.Generator) -> None:
     if case.layout == "room":
         builder.rect_light("lamp", (0, 2.59, 0.1), (0, 0, 0.1), 0.9, 0.7, (13.0, 12.0, 10.5))
+        return
+    if case.layout == "corner":
+        builder.sphere_light("bulb", (rng.uniform(-0.9, -0.5), 2.1, 1.3), 0.16, (45.0, 42.0, 38.0))
+        builder.dome_light("fill", 0.08, (0.8, 0.9, 1.0))
         return
     eye = (-1.8 + rng.uniform(-0.4, 0.4), 2.6, 1.8 + rng.uniform(-0.5, 0.5))
     builder.rect_light("key", eye, (0, 0.4, 0), 1.1, 0.9, (11.0, 10.5, 10.0))
@@ -208,6 +234,7 @@ LAYOUTS: dict[str, Callable[[StageBuilder, Case, str, np.random.Generator], None
     "single": _single,
     "table": _table,
     "room": _room,
+    "corner": _corner,
 }
 LIGHTS: dict[str, Callable[[StageBuilder, Case, np.random.Generator], None]] = {
     "area": _area,
