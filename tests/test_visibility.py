@@ -97,7 +97,7 @@ def test_many_rays_on_threads_give_what_one_thread_gives():
     scene = make_scene(triangle_soup(rng, 300))
     o, d = rng.uniform(-1, 1, (70001, 3)).astype(np.float32), unit_vectors(rng, 70001)
     one, two = RayTracer(scene, threads=1), RayTracer(scene, threads=2)
-    a, b, c = one.intersect(o, d), two.intersect(o, d), two.submit(o, d).result()
+    a, b, c = one.intersect(o, d), two.intersect(o, d), two.intersect_here(o, d)
     for other in (b, c):
         np.testing.assert_array_equal(a.triangle, other.triangle)
         np.testing.assert_array_equal(a.barycentric, other.barycentric)

@@ -5,8 +5,8 @@ elements that its points may be nearest to: of the same part and side, with an a
 from the cell rather than hidden behind a wall.  Cells of small triangles that fall together share their
 entry.  A point then compares its distance to those few.  kernels/lookup.cl holds the device twin.
 
-    cell (i, j, upper) of barycentrics (u, v):  i = floor(u n), j = floor(v n), upper: frac(u n) + frac(v n) > 1
-    its number:                                 i (2 n - i) + 2 j + upper,  0 .. n^2 - 1
+    cell (i, j, upper) of (u, v):  i = floor(u n), j = floor(v n), upper: frac(u n) + frac(v n) > 1
+    its number:                    i (2 n - i) + 2 j + upper,  0 .. n^2 - 1
 """
 
 from __future__ import annotations
@@ -106,6 +106,11 @@ class ElementLookup:
             self.elements_of_entry = np.concatenate([self.elements_of_entry, near])
 
     @property
+    def face_normals(self) -> F32:
+        """Unit normals (T, 3) of the triangles: a ray against them arrives on the front."""
+        return self._scene.triangles.face_normals
+
+    @property
     def nbytes(self) -> int:
         """Bytes of the tables."""
         return sum(
@@ -182,7 +187,7 @@ def blend_weights(distance: NDArray) -> NDArray[np.float32]:
 
 
 def _divide_triangles(corners: NDArray, area: NDArray, cell: NDArray) -> NDArray[np.int32]:
-    """Returns divisions (T,) that make cells at most `cell` (T,) wide, of slivers wider if they are too many."""
+    """Returns divisions (T,) that make cells at most `cell` (T,) wide, wider where they are too many."""
     c = corners.astype(np.float64)
     edges = np.linalg.norm(c - np.roll(c, 1, 1), axis=2)
     with np.errstate(invalid="ignore"):

@@ -122,10 +122,12 @@ def sample_elements(
     group = pool.group[chosen]
     side = np.where(group < parts, 1, -1).astype(np.int32)
     surroundings = cKDTree(coordinates[chosen]).query(coordinates, workers=tracer.threads)[1]
-    normal = _upright(side[:, None] * points.normal[chosen], side[:, None] * points.geometric_normal[chosen])
+    flip = side[:, None].astype(np.float32)
+    geometric = flip * points.geometric_normal[chosen]
+    normal = _upright(flip * points.normal[chosen], geometric)
     return Elements(
         position=points.position[chosen],
-        geometric_normal=side[:, None] * points.geometric_normal[chosen],
+        geometric_normal=geometric,
         normal=normal,
         frame=turned_frames(normal, 2 * np.pi * rng.random(len(chosen))),
         area=((alive * side_area) / np.maximum(number, 1))[group].astype(np.float32),
@@ -231,14 +233,15 @@ def _living_candidates(
     alive = there.copy()
     ask = np.flatnonzero(there & doubtful[group])
     alive[ask] = find_living_points(scene, tracer, triangle[ask], points.position[ask], normal[ask], rng)
-    # What lies among the living is only in the dark by chance, but never a whole side.
+    # What lies among the living is only in the dark by chance.
     dark = ask[~alive[ask]]
     lit = ask[alive[ask]]
     if len(dark) and len(lit):
         size = np.sqrt(np.bincount(part_of_triangle, area)[group % parts] / np.maximum(number[group], 1))
         where = surface_coordinates(points.position, normal, group, np.maximum(size, 1e-30))
-        gap = cKDTree(where[lit]).query(where[dark], distance_upper_bound=1.2, workers=tracer.threads)[0]
-        alive[dark[np.isfinite(gap)]] = True
+        known = np.concatenate([lit, dark])
+        near = cKDTree(where[known]).query(where[dark], k=min(6, len(known)), workers=tracer.threads)[1]
+        alive[dark[(near < len(lit)).mean(1) > 0.6]] = True
     keep = np.flatnonzero(alive)
     kept = _take(points, keep)
     return _Pool(kept.position, normal[keep].astype(np.float32), group[keep]), kept

@@ -1,4 +1,6 @@
-"""Rays: what a ray from somewhere on the scene hits, traced by Embree on all processors.
+"""Visibility: what rays hit, and the operator G, which names what each element sees in each of its bins.
+
+Rays are traced by Embree on all processors, and the device looks up the elements that they hit meanwhile.
 
 This is the only module that imports embreex.  Facts about `EmbreeScene.run` that it relies on: the
 first run builds the tree; it releases the GIL; `dists` limits the distance (and is overwritten); an
@@ -9,18 +11,31 @@ OCCLUDED query returns 0 where something is in the way and -1 where not, and is 
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
+from time import perf_counter
+from typing import TYPE_CHECKING
 
 import numpy as np
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 from numpy.typing import NDArray
 
+from usdslf.directions import D, bin_directions
 from usdslf.scene import F32, I32, Scene
 from usdslf.surface import evaluate_opacity, is_opaque
 
+if TYPE_CHECKING:
+    from usdslf.element_lookup import ElementLookup
+    from usdslf.elements import Elements
+    from usdslf.gpu.device import Device
+
+ESCAPES = np.uint32(0xFFFFFFFF)  # nothing is hit
+BLOCKED = np.uint32(0xFFFFFFFE)  # a side is hit that no light reaches
+LEAST_COSINE = 0.005  # rays that a shading normal sends below the surface leave it at this angle
+BATCH = 16  # elements whose rays are traced and looked up at once
 FAR = np.float32(1e37)  # Embree's "no limit"
 CHUNK = 16384  # rays of one run: their records stay in the second-level cache
 MAX_LAYERS = 32  # see-through surfaces that a ray may pass
@@ -79,9 +94,9 @@ class RayTracer:
         self._embree.run(np.zeros((1, 3), np.float32), np.ones((1, 3), np.float32))
         self._pool = ThreadPoolExecutor(self.threads, thread_name_prefix="usdslf-rays")
 
-        clear: NDArray[np.bool_] = np.array([not is_opaque(m) for m in scene.materials], bool)
+        clear = np.fromiter((not is_opaque(m) for m in scene.materials), bool)
         self._threshold = np.array([m.opacity_threshold for m in scene.materials], np.float32)
-        self._clear = clear[triangles.material] if clear.any() else None
+        self._clear = clear[triangles.material] if np.any(clear) else None
         self._opacity = opacity or self._material_opacity
 
     def intersect(self, origins: NDArray, directions: NDArray, stop_at_veils: bool = False) -> Hits:
@@ -118,9 +133,28 @@ class RayTracer:
         hits = self.intersect(o, d)
         return (hits.triangle >= 0) & (hits.distance < limit)
 
-    def submit(self, origins: F32, directions: F32) -> Future[Hits]:
-        """Traces one batch on one thread in the background, for callers that have other work meanwhile."""
-        return self._pool.submit(self._intersect_here, *_rays(origins, directions))
+    def intersect_here(self, origins: F32, directions: F32) -> Hits:
+        """Does what `intersect` does on the calling thread alone, for callers that share out the work."""
+        o, d = _rays(origins, directions)
+        n = len(o)
+        hits = Hits(np.empty(n, np.int32), np.empty((n, 2), np.float32), np.empty(n, np.float32))
+        for a in range(0, n, CHUNK):
+            rows = slice(a, min(a + CHUNK, n))
+            self._intersect_into(o[rows], d[rows], hits, rows)
+        if self._clear is not None:
+            self._pass_through(o, d, hits)
+        return hits
+
+    def map_ahead(self, work: Callable[[int], Hits], items: Iterable[int]) -> Iterator[tuple[int, Hits]]:
+        """Yields (item, work(item)) in order, working on some items ahead on all threads."""
+        waiting: deque[tuple[int, Future[Hits]]] = deque()
+        for item in items:
+            waiting.append((item, self._pool.submit(work, item)))
+            if len(waiting) > 2 * self.threads:
+                first, result = waiting.popleft()
+                yield first, result.result()
+        for first, result in waiting:
+            yield first, result.result()
 
     def offset_points(
         self, points: NDArray, geometric_normals: NDArray, triangle: NDArray | None = None
@@ -162,16 +196,6 @@ class RayTracer:
         hits.barycentric[rows, 1] = found["v"]
         hits.distance[rows] = np.where(triangle >= 0, found["tfar"], np.float32(np.inf))
 
-    def _intersect_here(self, o: F32, d: F32) -> Hits:
-        n = len(o)
-        hits = Hits(np.empty(n, np.int32), np.empty((n, 2), np.float32), np.empty(n, np.float32))
-        for a in range(0, n, CHUNK):
-            rows = slice(a, min(a + CHUNK, n))
-            self._intersect_into(o[rows], d[rows], hits, rows)
-        if self._clear is not None:
-            self._pass_through(o, d, hits)
-        return hits
-
     def _pass_through(self, o: F32, d: F32, hits: Hits, stop_at_veils: bool = False) -> None:
         """Moves hits on what a ray passes through to the surfaces behind, in at most MAX_LAYERS rounds."""
         assert self._clear is not None
@@ -200,6 +224,78 @@ class RayTracer:
 
     def _material_opacity(self, triangle: I32, barycentric: F32) -> F32:
         return evaluate_opacity(self.scene, triangle, barycentric)[0]
+
+
+@dataclass(frozen=True)
+class Visibility:
+    """The operator G: one link for each element and bin."""
+
+    hit: NDArray[np.uint32]  # (N, D) element << 10 | bin it arrives in; ESCAPES; BLOCKED
+    rays: int
+    seconds: float
+
+
+def trace_visibility(
+    elements: Elements, lookup: ElementLookup, tracer: RayTracer, device: Device
+) -> Visibility:
+    """Traces a ray through the centre of every bin of every element and names what it hits.
+
+    Embree and the device work at the same time, on different batches.
+
+    Source: Nguyen et al. 2013, 6.1.
+    """
+    began = perf_counter()
+    n = len(elements)
+    hit = np.empty((n, D), np.uint32)
+    start = tracer.offset_points(elements.position, elements.geometric_normal, elements.triangle)
+    bins = bin_directions().astype(np.float32)
+    tables = lookup.upload(device)
+    bins_d, start_d, frames_d = device.upload(bins), device.upload(start), device.upload(elements.frame)
+    geometric_d = device.upload(elements.geometric_normal)
+    kernel = device.kernel("visibility", "pack_hits")
+    packed_d = [device.empty((BATCH * D,), np.uint32) for _ in range(2)]
+
+    def trace(first: int) -> Hits:
+        rows = slice(first, min(first + BATCH, n))
+        direction = outgoing_directions(elements, bins, rows)
+        return tracer.intersect_here(np.repeat(start[rows], D, 0), direction.reshape(-1, 3))
+
+    for turn, (first, hits) in enumerate(tracer.map_ahead(trace, range(0, n, BATCH))):
+        count = len(hits.triangle)
+        u, v = (np.ascontiguousarray(x) for x in hits.barycentric.T)
+        kernel(
+            (-(-count // 64) * 64,),
+            None,
+            np.uint32(count),
+            np.uint32(first),
+            np.float32(LEAST_COSINE),
+            *(device.upload(x) for x in (hits.triangle, u, v, hits.distance)),
+            bins_d,
+            start_d,
+            geometric_d,
+            frames_d,
+            tables.face_normal_d,
+            tables.cells_of_triangle_d,
+            tables.entry_of_cell_d,
+            tables.cell_count,
+            tables.elements_of_entry_d,
+            tables.position_d,
+            packed_d[turn % 2],
+        )
+        hit[first : first + BATCH] = device.download(packed_d[turn % 2])[:count].reshape(-1, D)
+    return Visibility(hit, n * D, perf_counter() - began)
+
+
+def outgoing_directions(elements: Elements, bins: F32, rows: slice) -> F32:
+    """World directions (n, D, 3) of bins (D, 3) of some elements, lifted where they are below the surface."""
+    normal = elements.geometric_normal[rows]
+    direction = bins @ elements.frame[rows]
+    cosine = direction @ normal[:, :, None]
+    low = np.flatnonzero(cosine.min((1, 2)) < LEAST_COSINE)
+    if len(low):
+        lifted = direction[low] + np.maximum(LEAST_COSINE - cosine[low], 0) * normal[low, None]
+        direction[low] = lifted / np.linalg.norm(lifted, axis=2, keepdims=True)
+    return direction
 
 
 def points_at(corners: NDArray, triangle: NDArray, barycentric: NDArray) -> NDArray:
