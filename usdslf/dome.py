@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from usdslf.scene import F32, F64, Light
 
 TABLE_ROWS = 512  # of the pixels that directions are drawn by
-FILTER_TEXELS = 1.25  # side of the filter in texels of the filtered map: see `Dome.radiance`
+FILTER_TEXELS = 0.8  # side of the solid angle asked for, in texels of the filtered map: see `Dome.radiance`
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # of the working space's linear Rec. 709, only for importance
 
 
@@ -64,9 +64,10 @@ class Dome:
 
         Args:
             directions: towards the dome, world space.
-            solid_angle: [sr] of the filter, about its size; None: bilinear between pixels.  The filtered
-                map has equal-area texels of 1 / 1.25 of the filter's side and is made and read with
-                tents, so that any lattice of directions of that solid angle catches a small sun's energy.
+            solid_angle: [sr] that each direction stands for; None: bilinear between pixels.  The filtered map
+                has equal-area texels of 1.25 times its side and is made and read with tents, wide enough for
+                the bins of a hemisphere to catch the energy of a small sun (within 5 %, one standard
+                deviation; 23 % with texels of 0.8), which is why `static_light` draws suns instead.
         """
         local = np.asarray(directions, np.float32) @ self.world_from_light.astype(np.float32)
         height, width = self.pixels.shape[:2]
@@ -270,16 +271,16 @@ def square_of(local: NDArray) -> F32:
     return np.clip(np.stack([np.copysign(u, x), np.copysign(v, y)], 1) * 0.5 + 0.5, 0, 1).astype(np.float32)
 
 
-def table_index(local: NDArray, side: int = 512) -> NDArray[np.int32]:
-    """Returns the entry of `Dome.table` for local directions (..., 3), of any length."""
-    x, y, z = local[..., 0], local[..., 1], local[..., 2]
-    scale = 1 / (np.abs(x) + np.abs(y) + np.abs(z))
-    u, v = x * scale, y * scale
-    fold = z < 0
-    u, v = np.where(fold, np.copysign(1 - np.abs(v), u), u), np.where(fold, np.copysign(1 - np.abs(u), v), v)
+def table_index(x: NDArray, y: NDArray, z: NDArray, side: int = 512) -> NDArray[np.int32]:
+    """Returns the entries of `Dome.table` for local directions with these coordinates, of any length."""
     half = np.float32(side / 2)
-    i = np.minimum((u * half + half).astype(np.int32), side - 1)
-    return np.minimum((v * half + half).astype(np.int32), side - 1) * side + i
+    scale = half / (np.abs(x) + np.abs(y) + np.abs(z))
+    u, v = x * scale, y * scale
+    below = z < 0
+    fold_u, fold_v = np.copysign(half - np.abs(v), u), np.copysign(half - np.abs(u), v)
+    i = (np.where(below, fold_u, u) + half).astype(np.int32)
+    j = (np.where(below, fold_v, v) + half).astype(np.int32)
+    return np.minimum(j, side - 1) * side + np.minimum(i, side - 1)
 
 
 def _map_rows(solid_angle: float) -> int:

@@ -37,4 +37,4 @@ def random_shifts(sets: int, rng: np.random.Generator) -> NDArray[np.uint32]:
 def sobol_points(first: int, end: int, shifts: NDArray[np.uint32]) -> NDArray[np.float64]:
     """Returns points `first` .. `end`-1 of the sequence for every shift: (sets, end - first, 2) in (0, 1)."""
     digits = _sobol_digits(end)[first:]
-    return ((digits[None] ^ shifts[:, None]) + 0.5) * 2.0**-32
+    return ((digits[None] ^ shifts[:, None]).astype(np.float64) + 0.5) * 2.0**-32
