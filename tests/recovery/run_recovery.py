@@ -1,6 +1,6 @@
 """Runs the recovery suite: does a stroke give back the change that was made?
 
-    python tests/recovery/run_recovery.py [NAME ...] [--set tuning|twin|all] [--ways exact uneven flat]
+    python tests/recovery/run_recovery.py [NAME ...] [--set tuning|twin|all] [--ways exact uneven flat before]
                                           [--elements N] [--json OUT] [--markdown]
 
 The truth (truth/NAME.json, see make_truth) was rendered by a path tracer.  For each case and way the dabs are
@@ -22,6 +22,7 @@ from pathlib import Path
 from typing import Any
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 import numpy as np
 from recovery.cases import CASES, UNDECIDABLE
@@ -31,6 +32,7 @@ import usdslf
 
 TRUTH = Path(__file__).parent / "truth"
 WAYS = ("exact", "uneven", "flat")
+BEFORE = "before"  # the true colours of the unchanged stage, to which the answer is: none
 WANTED = {"exact": 0.95, "uneven": 0.90, "flat": 0.70}
 TOLERANCE = {"diffuse": 0.05, "specular": 0.05, "glossiness": 0.07}
 REPORT_KEY = {"diffuse": "diffuse", "specular": "specular", "glossiness": "roughness"}
@@ -89,22 +91,23 @@ def paint(session: Any, truth: dict[str, Any], way: str) -> usdslf.Stroke:
         session.scene, session.tracer, camera, paths, truth["radius"], aspect=SIZE[0] / SIZE[1]
     )
     assert len(stroke.counts) == len(paths), "a dab missed its surface"
-    colors = np.repeat(np.array(truth["colors"][way], np.float32), stroke.counts, axis=0)
+    painted = truth["colors_before"] if way == BEFORE else truth["colors"][way]
+    colors = np.repeat(np.array(painted, np.float32), stroke.counts, axis=0)
     return replace(stroke, colors=colors)
 
 
 def judge(case: Case, truth: dict[str, Any], way: str, report: dict[str, Any], seconds: float) -> Outcome:
     """Compares a stroke's report with the truth."""
-    key = REPORT_KEY[case.parameter]
-    true = np.atleast_1d(truth["after"][key]).astype(float)
+    key, expected = REPORT_KEY[case.parameter], "none" if way == BEFORE else case.parameter
+    true = np.atleast_1d(truth["before" if way == BEFORE else "after"][key]).astype(float)
     found = np.atleast_1d(report["after"][key]).astype(float)
-    is_right = report["inferred"] == case.parameter and report["material"] == truth["material"]
-    error = float(np.abs(found - true).max()) if case.parameter in report["inferred"] else float("nan")
+    is_right = report["inferred"] == expected and report["material"] == truth["material"]
+    error = float(np.abs(found - true).max()) if expected in report["inferred"] else float("nan")
     others = sorted(report.get("alternatives", ()), key=lambda a: a["cost"])[:3]
     return Outcome(
         case.name,
         way,
-        case.parameter,
+        expected,
         report["inferred"],
         is_right,
         error,
@@ -206,7 +209,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("names", nargs="*", help="parts of names; none: all of the set")
     parser.add_argument("--set", default="tuning", choices=["tuning", "twin", "all"])
-    parser.add_argument("--ways", nargs="+", default=list(WAYS), choices=WAYS)
+    parser.add_argument("--ways", nargs="+", default=list(WAYS), choices=[*WAYS, BEFORE])
     parser.add_argument("--elements", type=int, default=ELEMENTS)
     parser.add_argument("--json", type=Path)
     parser.add_argument("--markdown", action="store_true", help="end with a table of failures")
