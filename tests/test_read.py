@@ -155,6 +155,21 @@ def test_missing_texture_coordinates_name_the_gprim(tmp_path: Path) -> None:
     assert [w for w in scene.warnings if "/square" in w and "st" in w]
 
 
+def test_coordinates_outside_a_texture_without_wrap_mode_are_noted(tmp_path: Path) -> None:
+    write_image(tmp_path / "a.exr", np.ones((2, 2, 3)))
+    outside = SQUARE.replace("(0, 0), (1, 0), (1, 1), (0, 1)]", "(0, -1), (1, -1), (1, 0), (0, 0)]")
+    body = outside % "rel material:binding = </m>" + TEXTURED % "a.exr"
+    scene = read_scene(write(tmp_path / "a.usda", body))
+    assert sum("/square" in w and "wrap" in w for w in scene.warnings) == 1
+    assert evaluate_surface(scene, [0], [[0.3, 0.3]]).base_color[0] == pytest.approx([0, 0, 0])
+    wrapped = body.replace(
+        "float4 inputs:fallback", 'token inputs:wrapT = "repeat"\n        float4 inputs:fallback'
+    )
+    scene = read_scene(write(tmp_path / "b.usda", wrapped))
+    assert scene.warnings == ()
+    assert evaluate_surface(scene, [0], [[0.3, 0.3]]).base_color[0] == pytest.approx([1, 1, 1])
+
+
 def test_the_frame_is_the_start_of_the_stage_unless_given(tmp_path: Path) -> None:
     moving = (SQUARE % "").replace(
         "point3f[] points = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)]",

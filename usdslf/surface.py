@@ -25,6 +25,8 @@ from usdslf.images import sample_texture
 from usdslf.scene import F32, I32, Input, Material, PrimvarInput, Scene, Texture
 
 MIN_ROUGHNESS = 0.001
+_COLORS = ("diffuse_color", "specular_color", "emissive_color")
+_SCALARS = ("metallic", "roughness", "clearcoat", "clearcoat_roughness", "ior", "opacity")
 
 
 @dataclass(frozen=True)
@@ -73,33 +75,28 @@ def evaluate_surface(
     color = color or color_of(scene.ocio, scene.working_space)
     tri = np.asarray(triangle, np.int32).reshape(-1)
     bary = np.asarray(barycentric, np.float32).reshape(-1, 2)
-    table, n = scene.triangles, len(tri)
+    table = scene.triangles
     weight = _weights(bary)
     material = table.material[tri]
     geometric = table.face_normals[tri]
     normal = _unit(_interpolate(table.normals[tri], weight), geometric)
     normal = np.where((normal * geometric).sum(1, keepdims=True) < 0, -normal, normal)
 
-    base = np.empty((n, 3), np.float32)
-    specular, emission = np.empty_like(base), np.empty_like(base)
-    scalars = {
-        k: np.empty(n, np.float32)
-        for k in ("metallic", "roughness", "clearcoat", "clearcoat_roughness", "ior", "opacity")
-    }
-    is_specular, presence = np.zeros(n, bool), np.ones(n, np.float32)
-    for m, at in _groups(material):
-        here = scene.materials[m]
+    # Constant inputs come from a table of all materials, the others are read material by material.
+    table_of_inputs, varying = _constant_inputs(scene.materials)
+    values = {name: rows[material] for name, rows in table_of_inputs.items()}
+    for m, at in _groups(material, np.array([bool(v) for v in varying], bool)):
         read = _Reader(scene, tri[at], weight[at], color)
-        base[at] = np.maximum(read(here.diffuse_color, 3), 0)
-        specular[at] = np.clip(read(here.specular_color, 3), 0, 1)
-        emission[at] = np.maximum(read(here.emissive_color, 3), 0)
-        for name, out in scalars.items():
-            out[at] = read(getattr(here, name), 1)[:, 0]
-        is_specular[at] = here.use_specular_workflow
-        opacity, presence[at] = _coverage(here, scalars["opacity"][at])
-        scalars["opacity"][at] = opacity
-        if normal_maps and here.normal is not None:
-            normal[at] = _mapped_normal(read, here.normal, normal[at])
+        for name in set(varying[m]) - {"normal"}:
+            values[name][at] = read(getattr(scene.materials[m], name), values[name].shape[1])
+        bump = scene.materials[m].normal
+        if normal_maps and bump is not None:
+            normal[at] = _mapped_normal(read, bump, normal[at])
+    base, emission = np.maximum(values["diffuse_color"], 0), np.maximum(values["emissive_color"], 0)
+    specular = np.clip(values["specular_color"], 0, 1)
+    scalars = {name: values[name][:, 0] for name in _SCALARS}
+    is_specular = np.array([x.use_specular_workflow for x in scene.materials], bool)[material]
+    opacity, presence = _coverage(scene.materials, material, scalars["opacity"])
 
     metallic = np.clip(scalars["metallic"], 0, 1)
     ior = np.maximum(scalars["ior"], 1e-3)
@@ -108,7 +105,7 @@ def evaluate_surface(
     s = 1 + (base - 1) * m_
     workflow = is_specular[:, None]
     # Opacity of what is there: below 1 in mode transparent only.
-    solid = np.where(presence > 0, scalars["opacity"] / np.maximum(presence, 1e-20), 1)
+    solid = np.where(presence > 0, opacity / np.maximum(presence, 1e-20), 1)
     d = np.where(workflow, base, base * (1 - m_)) * solid[:, None]
     return SurfacePoints(
         position=_interpolate(table.positions[tri], weight),
@@ -126,7 +123,7 @@ def evaluate_surface(
         clearcoat_roughness=np.clip(scalars["clearcoat_roughness"], MIN_ROUGHNESS, 1),
         coat_f0=r2.astype(np.float32),
         emission=emission,
-        opacity=scalars["opacity"],
+        opacity=opacity,
         presence=presence,
         base_color=base,
         metallic=metallic,
@@ -142,13 +139,13 @@ def evaluate_opacity(
     color = color or color_of(scene.ocio, scene.working_space)
     tri = np.asarray(triangle, np.int32).reshape(-1)
     weight = _weights(np.asarray(barycentric, np.float32).reshape(-1, 2))
-    opacity, presence = np.ones(len(tri), np.float32), np.ones(len(tri), np.float32)
-    for m, at in _groups(scene.triangles.material[tri]):
-        here = scene.materials[m]
-        if not is_opaque(here):
-            read = _Reader(scene, tri[at], weight[at], color)
-            opacity[at], presence[at] = _coverage(here, read(here.opacity, 1)[:, 0])
-    return opacity, presence
+    material = scene.triangles.material[tri]
+    opacity = _constant_inputs(scene.materials)[0]["opacity"][:, 0][material]
+    varies = np.array([not isinstance(x.opacity, np.ndarray) for x in scene.materials], bool)
+    for m, at in _groups(material, varies):
+        read = _Reader(scene, tri[at], weight[at], color)
+        opacity[at] = read(scene.materials[m].opacity, 1)[:, 0]
+    return _coverage(scene.materials, material, opacity)
 
 
 def is_opaque(material: Material) -> bool:
@@ -157,13 +154,30 @@ def is_opaque(material: Material) -> bool:
     return isinstance(value, np.ndarray) and float(value[0]) >= max(1.0, material.opacity_threshold)
 
 
-def _coverage(material: Material, opacity: F32) -> tuple[F32, F32]:
-    """Returns opacity and presence of a material from its opacity input (n,)."""
-    if material.opacity_threshold > 0:
-        there = (opacity >= material.opacity_threshold).astype(np.float32)
-        return there, there
-    opacity = np.clip(opacity, 0, 1)
-    return opacity, opacity if material.opacity_mode == "presence" else np.ones_like(opacity)
+def _constant_inputs(materials: tuple[Material, ...]) -> tuple[dict[str, F32], list[list[str]]]:
+    """Returns a table (M, 1 or 3) of each input, and for each material the inputs that vary over it."""
+    table: dict[str, F32] = {}
+    varying: list[list[str]] = [["normal"] if m.normal is not None else [] for m in materials]
+    for name in (*_COLORS, *_SCALARS):
+        size = 3 if name in _COLORS else 1
+        rows = np.zeros((len(materials), size), np.float32)
+        for m, material in enumerate(materials):
+            value = getattr(material, name)
+            if isinstance(value, np.ndarray):
+                rows[m] = value
+            else:
+                varying[m].append(name)
+        table[name] = rows
+    return table, varying
+
+
+def _coverage(materials: tuple[Material, ...], material: I32, opacity: F32) -> tuple[F32, F32]:
+    """Returns opacity and presence (n,), (n,) from the opacity input (n,)."""
+    threshold = np.array([m.opacity_threshold for m in materials], np.float32)[material]
+    scales_all = np.array([m.opacity_mode == "presence" for m in materials], bool)[material]
+    cut_out = threshold > 0
+    opacity = np.where(cut_out, opacity >= threshold, np.clip(opacity, 0, 1)).astype(np.float32)
+    return opacity, np.where(cut_out | scales_all, opacity, 1).astype(np.float32)
 
 
 class _Reader:
@@ -240,9 +254,10 @@ def _mapped_normal(read: _Reader, texture: Texture, normal: F32) -> F32:
     return _unit(mapped, n).astype(np.float32)
 
 
-def _groups(material: I32) -> Iterator[tuple[int, NDArray[np.intp]]]:
-    """Yields each material that occurs with the places where it does."""
-    order = np.argsort(material, kind="stable")
+def _groups(material: I32, wanted: NDArray[np.bool_]) -> Iterator[tuple[int, NDArray[np.intp]]]:
+    """Yields each wanted material that occurs with the places where it does."""
+    places = np.nonzero(wanted[material])[0]
+    order = places[np.argsort(material[places], kind="stable")]
     values, first = np.unique(material[order], return_index=True)
     last = np.append(first[1:], len(order))
     for m, low, high in zip(values, first, last, strict=False):  # no points: last has one more

@@ -1,6 +1,7 @@
 """Texels: an image in memory, and how it is looked up.
 
-Coordinates are USD's: st (0, 0) is the lower left corner of the picture; texel centres lie at (i + 0.5) / size.
+Coordinates are those of USD: st (0, 0) is the lower left corner of the picture, and texel centres lie at
+(i + 0.5) / size.
 """
 
 from __future__ import annotations

@@ -89,7 +89,7 @@ def read_scene(
         reason = f": {warnings[0]}" if warnings else ""
         raise StageError(f"{name} has no renderable geometry, check visibility, purpose and payloads{reason}")
     meshes, materials = table.used(meshes)
-    _note_missing_primvars(meshes, materials, notes)
+    _note_primvars(meshes, materials, notes)
     return Scene(
         stage=name,
         frame=math.nan if time.IsEarliestTime() or time.IsDefault() else time.GetValue(),
@@ -137,19 +137,37 @@ def composition_warnings(stage: Usd.Stage) -> list[str]:
     return list(dict.fromkeys(sentences))
 
 
-def _note_missing_primvars(meshes: list[Mesh], materials: list[Material], notes: Notes) -> None:
-    """Notes gprims without a primvar that their material reads."""
-    wanted = []
-    for material in materials:
-        values = [v for v in vars(material).values() if isinstance(v, Texture | PrimvarInput)]
-        textures = [v for v in values if isinstance(v, Texture) and any(any(r[:2]) for r in v.st_from_uv[:2])]
-        wanted.append(({t.uv_set for t in textures}, {v.name for v in values if isinstance(v, PrimvarInput)}))
+def _note_primvars(meshes: list[Mesh], materials: list[Material], notes: Notes) -> None:
+    """Notes gprims without a primvar that their material reads, or with one that leaves its texture."""
+    values = [[v for v in vars(m).values() if isinstance(v, Texture | PrimvarInput)] for m in materials]
     for mesh in meshes:
         for m in np.unique(mesh.material_of_triangle):
-            for name in sorted(wanted[m][0] - set(mesh.uvs)):
-                notes.add(f"no texture coordinates {name} on {{}}: its textures show one texel", mesh.path)
-            for name in sorted(wanted[m][1] - set(mesh.primvars)):
-                notes.add(f"no primvar {name} on {{}}: the reader's fallback is used", mesh.path)
+            for value in values[m]:
+                if isinstance(value, PrimvarInput):
+                    if value.name not in mesh.primvars:
+                        reason = f"no primvar {value.name} on {{}}: the reader's fallback is used"
+                        notes.add(reason, mesh.path)
+                elif any(any(row[:2]) for row in value.st_from_uv[:2]):  # else st is constant
+                    _note_coordinates(mesh, value, notes)
+
+
+def _note_coordinates(mesh: Mesh, texture: Texture, notes: Notes) -> None:
+    """Notes missing texture coordinates, and those that leave a texture that is black outside."""
+    uv = mesh.uvs.get(texture.uv_set)
+    if uv is None:
+        has = f" (it has {', '.join(sorted(mesh.uvs))})" if mesh.uvs else ""
+        notes.add(
+            f"no texture coordinates {texture.uv_set} on {{}}{has}: its textures show one texel", mesh.path
+        )
+        return
+    black = [wrap == "black" and not texture.tiles for wrap in (texture.wrap_s, texture.wrap_t)]
+    if not any(black) or not len(uv):
+        return
+    m = np.asarray(texture.st_from_uv)
+    st = (uv.reshape(-1, 2) @ m[:2, :2].T + m[:2, 2])[:, black]
+    if st.min() < -0.01 or st.max() > 1.01:
+        reason = f"texture coordinates {texture.uv_set} of {{}} leave 0..1, where its textures are black"
+        notes.add(f"{reason} (no wrap mode is authored)", mesh.path)
 
 
 def _reason(error: Tf.ErrorException) -> str:
