@@ -167,7 +167,7 @@ def place(shape: Shape, world_from_object: F64) -> tuple[F32, I32, F32, NDArray[
     linear = world_from_object[:3, :3]
     positions = shape.positions @ linear.T + world_from_object[:3, 3]
     # Normals go with the cofactors: the inverse transposed times the determinant, finite for flat scales.
-    cofactors = np.stack([np.cross(linear[(i + 1) % 3], linear[(i + 2) % 3]) for i in range(3)])
+    cofactors = np.stack([cross(linear[(i + 1) % 3], linear[(i + 2) % 3]) for i in range(3)])
     mirrored = np.linalg.det(linear) < 0
     normals = _unit(shape.corner_normals @ cofactors.T) * (-1 if mirrored else 1)
     triangles = shape.triangles

@@ -120,7 +120,8 @@ class Placement:
         stage = prim.GetStage()
         roots = [stage.GetPrimAtPath(p) for p in instancer.GetPrototypesRel().GetForwardedTargets()]
         which = np.asarray(instancer.GetProtoIndicesAttr().Get(self._time) or [], np.int64)
-        how = (instancer.IncludeProtoXform, instancer.IgnoreMask)
+        # Without the prototypes' own transforms: with them USD gives nothing for one bad index.
+        how = (instancer.ExcludeProtoXform, instancer.IgnoreMask)
         transforms = instancer.ComputeInstanceTransformsAtTime(self._time, self._time, *how)
         if not roots or len(transforms) != len(which):
             self._notes.add("the prototypes or positions of the PointInstancer {} do not fit; left out", path)
@@ -139,13 +140,14 @@ class Placement:
         common = {**frame.primvars, **given.constant}
         for i in np.flatnonzero(shown & good):
             root = roots[which[i]]
+            local = self._cache.GetLocalTransformation(root)[0]
             # A prototype elsewhere may serve several instancers: the brackets say which.
             own = root.GetPath().HasPrefix(prim.GetPath())
             yield from self._walk(
                 root,
                 None,
                 _Frame(
-                    transforms[int(i)] * world_from_instancer,
+                    local * transforms[int(i)] * world_from_instancer,
                     root,
                     f"{frame.suffix}[{i}]" if own else f"{frame.suffix}[{prim.GetName()}.{i}]",
                     {**common, **{name: v[i] for name, v in each.items()}},

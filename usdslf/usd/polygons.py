@@ -56,7 +56,7 @@ def read_polygons(
 
     first = np.concatenate([[0], np.cumsum(counts)[:-1]]).astype(np.int64)
     face_of_corner = np.repeat(np.arange(len(counts)), counts)
-    finite = np.isfinite(points).all(1)
+    finite: NDArray[np.bool_] = np.asarray(np.isfinite(points).all(1))
     bad: NDArray[np.bool_] = np.bincount(face_of_corner[~finite[indices]], minlength=len(counts)) > 0
     if bad.any():
         notes.add("the mesh {} has points that are nan or inf; the faces on them are left out", path)
