@@ -199,7 +199,7 @@ def test_cameras_keep_apertures_and_offsets_and_lose_scale() -> None:
     assert found.world_from_camera[:3, 3] == pytest.approx([1, 2, 3])
 
 
-def test_orthographic_apertures_are_in_stage_units() -> None:
+def test_orthographic_cameras_keep_their_aperture() -> None:
     found = camera('token projection = "orthographic"\n float horizontalAperture = 50')
     assert not found.perspective
-    assert found.horizontal_aperture == pytest.approx(5)
+    assert found.horizontal_aperture == 50

@@ -1,7 +1,7 @@
 """Cameras: UsdGeom.Camera -> Camera records.
 
-Apertures, offsets and focal length of a perspective camera stay in their common unit (a tenth of a stage
-unit).  An orthographic camera's apertures and offsets are given in stage units: its picture is that wide.
+Apertures, offsets and focal length stay in their common unit, a tenth of a stage unit: it cancels for a
+perspective camera; the picture of an orthographic one is a tenth of its aperture wide.
 """
 
 from __future__ import annotations
@@ -28,7 +28,6 @@ def read_camera(camera: UsdGeom.Camera, world: Gf.Matrix4d, time: Usd.TimeCode, 
     """Returns one camera; `world` is USD's local-to-world matrix."""
     path = camera.GetPath()
     perspective = camera.GetProjectionAttr().Get(time) != UsdGeom.Tokens.orthographic
-    unit = 1.0 if perspective else Gf.Camera.APERTURE_UNIT
     near, far = camera.GetClippingRangeAttr().Get(time) or (0.0, np.inf)
     focal_length = float(camera.GetFocalLengthAttr().Get(time))
     if perspective and focal_length <= 0:
@@ -39,11 +38,11 @@ def read_camera(camera: UsdGeom.Camera, world: Gf.Matrix4d, time: Usd.TimeCode, 
     return Camera(
         path=str(path),
         world_from_camera=rigid(np.array(world, np.float64).T),
-        horizontal_aperture=unit * float(camera.GetHorizontalApertureAttr().Get(time)),
-        vertical_aperture=unit * float(camera.GetVerticalApertureAttr().Get(time)),
+        horizontal_aperture=float(camera.GetHorizontalApertureAttr().Get(time)),
+        vertical_aperture=float(camera.GetVerticalApertureAttr().Get(time)),
         focal_length=focal_length,
-        horizontal_offset=unit * float(camera.GetHorizontalApertureOffsetAttr().Get(time)),
-        vertical_offset=unit * float(camera.GetVerticalApertureOffsetAttr().Get(time)),
+        horizontal_offset=float(camera.GetHorizontalApertureOffsetAttr().Get(time)),
+        vertical_offset=float(camera.GetVerticalApertureOffsetAttr().Get(time)),
         perspective=perspective,
         near=max(float(near), 0.0),
         far=float(far),
