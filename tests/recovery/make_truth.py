@@ -40,8 +40,10 @@ DABS = 24
 RADIUS = 0.01  # of the picture's height
 PICTURE_SAMPLES = 64
 RAYS_A_ROUND = 4096  # for each dab
-MOST_ROUNDS = 16
-WANTED_NOISE = 0.01
+MOST_ROUNDS = 48
+WANTED_NOISE = 0.01  # of nine dabs in ten
+MOST_NOISE = 0.02  # of the worst
+FAINT_CHANGE = 0.3  # needs pictures of less noise to choose the dabs by
 MAX_DEPTH = 12
 ASPECT = SIZE[0] / SIZE[1]
 
@@ -56,11 +58,15 @@ def make_truth(case: Case, pictures: Path | None = None) -> dict[str, Any]:
             for changed in (False, True)
         ]
         assert not tracers[0].warnings, tracers[0].warnings
-        before, after = (t.render(CAMERA, *SIZE, PICTURE_SAMPLES, seed=1) for t in tracers)
         subjects = subject_prims(tracers[0])
-        xy = pick_dabs(case, tracers[0], subjects, before, after, rng)
+        before, after = (t.render(CAMERA, *SIZE, PICTURE_SAMPLES, seed=1) for t in tracers)
+        candidates = changed_places(tracers[0], subjects, before, after)
+        if np.percentile(candidates[1], 95) < FAINT_CHANGE:
+            before, after = (t.render(CAMERA, *SIZE, 6 * PICTURE_SAMPLES, seed=1) for t in tracers)
+            candidates = changed_places(tracers[0], subjects, before, after)
+        xy = pick_dabs(*candidates, case.seed % 2 == 0, rng)
         colors, noise = dab_radiance(tracers[1], xy, MOST_ROUNDS, seed=2)
-        colors_before, noise_before = dab_radiance(tracers[0], xy, MOST_ROUNDS // 4, seed=3)
+        colors_before, noise_before = dab_radiance(tracers[0], xy, MOST_ROUNDS // 8, seed=3)
         surfaces = [true_surface(case, Path(folder), xy, changed) for changed in (False, True)]
     if pictures:
         save_pictures(pictures / f"{case.name}.png", before, after, xy)
@@ -108,10 +114,10 @@ def disc_offsets(count: int, rng: np.random.Generator) -> NDArray:
     return np.stack([r * np.cos(a) / ASPECT, r * np.sin(a)], -1)
 
 
-def pick_dabs(
-    case: Case, tracer: Tracer, subjects: list[str], before: NDArray, after: NDArray, rng: np.random.Generator
-) -> NDArray:
-    """Returns centres (n, 2) in 0..1 of the picture, in the order of a hand that goes to the nearest."""
+def changed_places(
+    tracer: Tracer, subjects: list[str], before: NDArray, after: NDArray
+) -> tuple[NDArray, NDArray]:
+    """Returns places xy (n, 2) on the subject where the picture changed, and by how much (n,), relative."""
     width, height = SIZE
     x, y = np.meshgrid((np.arange(width) + 0.5) / width, (np.arange(height) + 0.5) / height)
     xy = np.stack([x.ravel(), y.ravel()], -1)
@@ -128,9 +134,15 @@ def pick_dabs(
     around = xy[:, None] + np.stack([ring.real / ASPECT, ring.imag], -1)
     names = tracer.first_hits(*camera_rays(tracer.stage, CAMERA, around.reshape(-1, 2), ASPECT))[0]
     inside = np.isin(names, subjects).reshape(-1, 12).all(1) & ((around > 0) & (around < 1)).all((1, 2))
-    xy, visible = xy[inside], visible[inside]
+    return xy[inside], visible[inside]
+
+
+def pick_dabs(xy: NDArray, visible: NDArray, spreads: bool, rng: np.random.Generator) -> NDArray:
+    """Returns centres (n, 2) in 0..1 of the picture, in the order of a hand that goes to the nearest.
+
+    Either spread evenly over the places, or drawn by how much changed.
+    """
     place = xy * [ASPECT, 1]
-    spreads = case.seed % 2 == 0
     chosen = [int(np.argmax(visible))] if spreads else []
     distance = np.full(len(xy), np.inf)
     while len(chosen) < min(DABS, len(xy)):
@@ -171,7 +183,8 @@ def dab_radiance(tracer: Tracer, xy: NDArray, most_rounds: int, seed: int) -> tu
             continue
         spread = rounds.mean(2).std(0, ddof=1) / np.sqrt(len(means))
         noise = spread / (total.mean(1) + 0.1 * total.mean())
-        if np.percentile(noise, 90) < WANTED_NOISE or len(means) >= most_rounds:
+        is_quiet = np.percentile(noise, 90) < WANTED_NOISE and noise.max() < MOST_NOISE
+        if is_quiet or len(means) >= most_rounds:
             return total, noise
 
 
