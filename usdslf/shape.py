@@ -123,7 +123,8 @@ def build_shape(polygons: Polygons, refine: int = 1, faces_max: int = REFINED_FA
     p = points[triangles]
     flat = _unit(cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]))
     shading = np.repeat(flat[:, None], 3, axis=1) if normals is None else normals[corners]
-    good = np.isfinite(shading).all(2, keepdims=True) & (np.abs(shading).max(2, keepdims=True) > 0)
+    square = np.einsum("tci,tci->tc", shading, shading)[..., None]
+    good = np.isfinite(square) & (square > 0)
     return Shape(
         positions=points,
         triangles=triangles.astype(np.int32),
@@ -181,9 +182,9 @@ def has_area(p: F64) -> NDArray[np.bool_]:
     """Whether triangles (T, 3, 3) are finite and higher than a ten millionth of their longest edge."""
     a, b = p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]
     n = cross(a, b)
-    longest = np.maximum(np.maximum((a * a).sum(1), (b * b).sum(1)), ((a - b) ** 2).sum(1))
     with np.errstate(invalid="ignore", over="ignore"):
-        return np.asarray((n * n).sum(1) > (1e-7 * longest) ** 2)
+        longest = np.maximum(np.maximum(_square(a), _square(b)), _square(a - b))
+        return np.asarray(_square(n) > (1e-7 * longest) ** 2)
 
 
 def _net(polygons: Polygons) -> Net:
@@ -289,6 +290,10 @@ def _only_triangles(polygons: Polygons) -> Polygons:
     )
 
 
+def _square(v: F64) -> F64:
+    return np.asarray(np.einsum("...i,...i->...", v, v))
+
+
 def _unit(v: F64) -> F64:
-    length = np.sqrt(np.einsum("...i,...i->...", v, v))[..., None]
+    length = np.sqrt(_square(v))[..., None]
     return v / np.where(length > 0, length, 1)

@@ -45,12 +45,21 @@ def _groups(net: Net) -> I64:
     joined = net.edge_sharpness[links.edge[corner]] < 1
     if len(corner) == len(net.indices) and joined.all():
         return net.indices
-    corner, twin = corner[joined], twin[joined]
+    # Vertices all of whose edges are joined are one group; only the corners at the others are sorted out.
+    parted = np.ones(len(links.ends), bool)
+    parted[links.edge[corner[joined]]] = False
+    at_parted = np.zeros(net.vertex_count, bool)
+    at_parted[links.ends[parted].ravel()] = True
+    torn = np.flatnonzero(at_parted[net.indices])
+    number = np.zeros(len(net.indices), np.int64)
+    number[torn] = np.arange(len(torn))
+    joined &= at_parted[net.indices[corner]]
     # Corner and twin run along one edge in opposite directions.
-    graph = sparse.csr_array(
-        (np.ones(len(corner), np.int8), (corner, links.next[twin])), (len(net.indices), len(net.indices))
-    )
-    return sparse.csgraph.connected_components(graph, directed=False)[1].astype(np.int64)
+    a, b = number[corner[joined]], number[links.next[twin[joined]]]
+    graph = sparse.csr_array((np.ones(len(a), np.int8), (a, b)), (len(torn), len(torn)))
+    out = net.indices.copy()
+    out[torn] = net.vertex_count + sparse.csgraph.connected_components(graph, directed=False)[1]
+    return out
 
 
 def _twins(net: Net) -> tuple[I64, I64]:
