@@ -192,7 +192,52 @@ __kernel void evaluate_lobes(
     for (int c = 0; c < WEIGHTS; c++) weight[i * WEIGHTS + c] = w[c];
 }
 
-/* Filters demodulated illumination over a window of the picture's samples and gives it back its colours.
+/* ── the light field for wide rays: see usdslf/wide_field.py ── */
+#ifndef BLOCK
+#define BLOCK 4
+#endif
+#define BLOCKS (SIDE / BLOCK)
+
+__kernel void average_bins(
+    const uint count,                 /* N * blocks */
+    __global const float *outgoing,   /* (N, D, 3) */
+    __global float *mean)             /* (N, D / BLOCK^2, 3) out */
+{
+    uint i = get_global_id(0);
+    if (i >= count) return;
+    size_t element = i / (BLOCKS * BLOCKS);
+    uint b = i % (BLOCKS * BLOCKS);
+    float3 sum = (float3)(0.0f);
+    for (uint y = 0; y < BLOCK; y++)
+        for (uint x = 0; x < BLOCK; x++)
+            sum += load3(outgoing, element * D_BINS + (b / BLOCKS * BLOCK + y) * SIDE + b % BLOCKS * BLOCK + x);
+    store3(sum / (float)(BLOCK * BLOCK), mean, i);
+}
+
+__kernel void follow_wide_links(
+    const uint n,                   /* hits */
+    const uint near,                /* links of each */
+    __global const uint *links,     /* (n, near) element << 10 | bin */
+    __global const float *weights,  /* (n, near) */
+    __global const float *mean,     /* (N, D / BLOCK^2, 3) */
+    __global float *radiance)       /* (n, 3) out */
+{
+    uint i = get_global_id(0);
+    if (i >= n) return;
+    float3 v = (float3)(0.0f);
+    for (uint k = 0; k < near; k++) {
+        uint h = links[i * near + k];
+        if (h >= BLOCKED) continue;
+        uint bin = h % D_BINS;
+        uint b = bin / SIDE / BLOCK * BLOCKS + bin % SIDE / BLOCK;
+        v += weights[i * near + k] * load3(mean, (size_t)(h / D_BINS) * (BLOCKS * BLOCKS) + b);
+    }
+    store3(v, radiance, i);
+}
+
+/* ── the filter ──
+ *
+ * Filters demodulated illumination over a window of the picture's samples and gives it back its colours.
  *
  * In a window of the size of the interleaving tile every sample of the set occurs once, so a box is the right
  * shape: flat areas come out without any noise.  A neighbour counts where it shows the same material, lies in

@@ -108,7 +108,7 @@ def emissive(folder: Path) -> Path:
     b = StageBuilder(folder)
     _room(b, _matte(b, "floor", (0.5, 0.5, 0.55)))
     panel = b.material("panel", diffuseColor=(0.0, 0.0, 0.0), emissiveColor=(9.0, 8.0, 6.0), roughness=1.0, ior=1.0)
-    b.mesh("panel", rectangle((-0.5, 2.97, -0.3), (1, 0, 0), (0, 0, 0.8)), panel)
+    b.mesh("panel", box(1.0, 0.04, 0.8), panel, (0, 2.9, 0.1))
     copper = b.material("copper", diffuseColor=(0.95, 0.6, 0.45), metallic=1.0, roughness=0.4)
     b.mesh("ring", torus(0.5, 0.2), copper, (-0.7, 0, 0.4))
     b.mesh("block", box(0.8, 1.4, 0.8), b.material("block", diffuseColor=(0.2, 0.4, 0.6), roughness=0.4), (0.8, 0, -0.5), 30)

@@ -23,12 +23,14 @@ from usdslf.light_set import Arrival, LightSet, Source, brightest, dot, luminanc
 from usdslf.scene import F32, I32, Scene
 from usdslf.surface import SurfacePoints, evaluate_surface
 from usdslf.visibility import Hits, RayTracer
+from usdslf.wide_field import WideField
 
 CHUNK = 1 << 14  # points that one thread works on: their rays stay in the caches
 GROUP = 64  # work items of a group
 WEIGHTS = 5  # X, Y, A, B, coat
 MIN_ALPHA = 4e-4  # kernels/render.cl
 FOOTPRINT = 12.0  # element areas that a ray's footprint must cover for the light field to be good enough
+WIDE_PDF = 2.0  # [1/sr] density up to which a ray reads the light field averaged over directions
 SHARP_PDF = 8.0  # [1/sr] density from which on a ray counts as a reflection
 CAUSTIC_ROUGHNESS = 0.3  # smoother surfaces are not followed by rays of wide lobes: that is what fireflies are
 MAX_DEPTH = 6  # surfaces followed after the first
@@ -137,6 +139,7 @@ class Gatherer:
         """
         self.scene, self.tracer, self.lights, self.light_field = scene, tracer, lights, light_field
         self.device, self.element_area, self.depth, self.footprint = device, element_area, depth, footprint
+        self._wide_field = WideField(device, light_field) if hasattr(light_field, "link_hits") else light_field
         low, high = scene.bounds
         self.center = ((low + high) / 2).astype(np.float32)
         self._sequence = device.kernel("render", "sequence_points")
@@ -342,8 +345,7 @@ class Gatherer:
             bounced[rows[at]] = out * (surface.presence / np.maximum(surface.opacity, 0.05))[:, None]
         rest = np.flatnonzero(~follow)
         if len(rest) and self.light_field is not None:
-            value = self.light_field.radiance_from_hits(triangle[rest], barycentric[rest], d[rest])
-            value = np.array(value, np.float32)
+            value = self._cached(triangle[rest], barycentric[rest], d[rest], pdf[rows[rest]])
             emissive = self.lights.emissive
             if len(emissive.triangle):  # their own light was counted above
                 shining = np.flatnonzero(emissive.emits[triangle[rest]])
@@ -351,6 +353,16 @@ class Gatherer:
                 value[shining] = np.maximum(value[shining] - own, 0)
             bounced[rows[rest]] = value
         return lit, bounced
+
+    def _cached(self, triangle: I32, barycentric: F32, direction: F32, pdf: F32) -> F32:
+        """Returns the light field's radiance (n, 3) at hits."""
+        out = np.empty((len(triangle), 3), np.float32)
+        wide = pdf < WIDE_PDF
+        for field, chosen in ((self._wide_field, wide), (self.light_field, ~wide)):
+            at = np.flatnonzero(chosen)
+            if len(at) and field is not None:
+                out[at] = field.radiance_from_hits(triangle[at], barycentric[at], direction[at])
+        return out
 
     def _outgoing(
         self, p: ShadingPoints, index: NDArray[np.uint32], depth: int, least_pdf: F32, seed: int

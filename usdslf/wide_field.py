@@ -1,0 +1,56 @@
+"""The light field for wide rays: outgoing radiance averaged over blocks of 4 x 4 bins.
+
+A gathered ray of a wide lobe stands for many bins of what it meets.  Reading one of them finds the highlights of
+glossy elements by chance, which shows as bright blotches; their mean over the block has the same energy.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usdslf.directions import D
+from usdslf.gpu.device import Device
+
+BLOCK = 4  # bins on a side
+GROUP = 64
+
+
+class Links(Protocol):
+    """What is needed of a light field."""
+
+    outgoing_d: Any
+
+    def link_hits(self, triangle: NDArray, barycentric: NDArray, direction: NDArray) -> tuple[Any, Any]: ...
+
+
+class WideField:
+    """A light field, averaged over blocks of bins at the time it is made."""
+
+    def __init__(self, device: Device, field: Links) -> None:
+        self._device, self._field = device, field
+        n = field.outgoing_d.shape[0]
+        blocks = D // BLOCK**2
+        self._mean_d = device.empty((n, blocks, 3), np.float32)
+        kernel = device.kernel("render", "average_bins", BLOCK=BLOCK)
+        kernel((_up(n * blocks),), (GROUP,), np.uint32(n * blocks), field.outgoing_d, self._mean_d)
+
+    def radiance_from_hits(
+        self, triangle: NDArray, barycentric: NDArray, direction: NDArray
+    ) -> NDArray[np.float32]:
+        """Returns the averaged radiance (n, 3) of surfaces hit by rays, interpolated between near elements."""
+        n = len(triangle)
+        if n == 0:
+            return np.zeros((0, 3), np.float32)
+        links_d, weights_d = self._field.link_hits(triangle, barycentric, direction)
+        out_d = self._device.empty((n, 3), np.float32)
+        kernel = self._device.kernel("render", "follow_wide_links", BLOCK=BLOCK)
+        near = np.uint32(links_d.shape[1])
+        kernel((_up(n),), (GROUP,), np.uint32(n), near, links_d, weights_d, self._mean_d, out_d)
+        return self._device.download(out_d)
+
+
+def _up(n: int) -> int:
+    return -(-n // GROUP) * GROUP
