@@ -80,36 +80,51 @@ __kernel void density_at(__global const float *eye, __global const float *toward
     density[i] = mixture_density(alphas, counts, load3(eye, i / rays), load3(towards, i));
 }
 
-/* the columns of each sample at each of its levels, one work-item a (level, sample)
+DEFINE_GGX(float16, ggx_distribution16)
+DEFINE_SMITH(float16, smith_visibility16)
+DEFINE_PREVIEW_SURFACE(float16, preview_surface16, ggx_distribution16, smith_visibility16)
+DEFINE_PHONG(float16, phong16)
+
+inline float sum16(float16 v)
+{
+    float8 a = v.lo + v.hi;
+    float4 b = a.lo + a.hi;
+    return b.x + b.y + b.z + b.w;
+}
+
+/* the columns of each sample at each of its levels, one work-item a (level, sample), sixteen rays at a time
  * eye        (S, 3) local
  * light_row  (S) row of `towards` and `light` that the sample sees
- * towards     (R, K, 3)
- * light      (R, K, 3) radiance over density
+ * towards    (R, 3, K / 16) float16, local
+ * light      (R, 3, K / 16) float16, radiance over density; zero where K is filled up
  * parameters (S, J) alpha, or the Phong exponent
  * columns    (S, J, 4, 3): result
  */
-__kernel void columns(__global const float *eye, __global const int *light_row, __global const float *towards,
-                      __global const float *light, __global const float *parameters, const uint rays, const uint levels,
+__kernel void columns(__global const float *eye, __global const int *light_row, __global const float16 *towards,
+                      __global const float16 *light, __global const float *parameters, const uint packs, const uint levels,
                       const uint samples, __global float *columns)
 {
     uint j = get_global_id(0), s = get_global_id(1);
     if (j >= levels || s >= samples) return;
-    float3 e = load3(eye, s), x = 0.0f, y = 0.0f, a = 0.0f, b = 0.0f;
+    float3 e = load3(eye, s);
     float parameter = parameters[s * levels + j];
-    size_t from = (size_t)light_row[s] * rays;
-    for (uint k = 0; k < rays; k++) {
-        float3 radiance = load3(light, from + k);
-        float3 l = load3(towards, from + k);
+    float16 sum[4][3];
+    for (int k = 0; k < 4; k++) for (int c = 0; c < 3; c++) sum[k][c] = 0.0f;
+    __global const float16 *to = towards + (size_t)light_row[s] * 3 * packs;
+    __global const float16 *radiance = light + (size_t)light_row[s] * 3 * packs;
+    for (uint i = 0; i < packs; i++) {
+        float16 column[4];
 #if PHONG
-        float4 c = phong_columns(parameter, e, l);
+        phong16(parameter, e.x, e.y, e.z, to[i], to[packs + i], to[2 * packs + i],
 #else
-        float4 c = preview_surface_columns(parameter, e, l);
+        preview_surface16(parameter, e.x, e.y, e.z, to[i], to[packs + i], to[2 * packs + i],
 #endif
-        x += c.x * radiance; y += c.y * radiance; a += c.z * radiance; b += c.w * radiance;
+                &column[0], &column[1], &column[2], &column[3]);
+        for (int c = 0; c < 3; c++) {
+            float16 r = radiance[c * packs + i];
+            for (int k = 0; k < 4; k++) sum[k][c] += column[k] * r;
+        }
     }
-    size_t to = ((size_t)s * levels + j) * 4;
-    store3(x, columns, to);
-    store3(y, columns, to + 1);
-    store3(a, columns, to + 2);
-    store3(b, columns, to + 3);
+    for (int k = 0; k < 4; k++)
+        store3((float3)(sum16(sum[k][0]), sum16(sum[k][1]), sum16(sum[k][2])), columns, ((size_t)s * levels + j) * 4 + k);
 }

@@ -37,6 +37,7 @@ RAYS = 384  # of a sample
 LOBE_ROUGHNESS = (0.08, 0.22, 0.42, 0.7)
 LIGHT_RAYS = 32  # of a sample to each light
 BACKGROUND = 24  # unpainted directions of a dab
+ELSEWHERE = 96  # unpainted points of the painted materials
 SHARPEST_BACKGROUND = 0.2  # roughness; sharper lobes fall between the bins
 LEAST_COSINE = 0.05  # of the eye above a surface
 
@@ -45,10 +46,10 @@ LEAST_COSINE = 0.05  # of the eye above a surface
 class Samples:
     """S surface points under a stroke, in dabs, with the rays that leave them.  K rays and light samples each."""
 
-    dab: NDArray[np.int64]  # (S,) row of the stroke's dabs
+    dab: NDArray[np.int64]  # (S,) row of the stroke's dabs; those behind the dabs are unpainted points, one sample each
     surface: SurfacePoints
     eye: NDArray[np.float32]  # (S, 3) local, unit
-    local: Any  # device (S, K, 3)
+    towards_d: Any  # device (S, 3, K') local directions; K' is K filled up to a multiple of 16
     fixed: NDArray[np.float32]  # (S, K, 3) light that no edit changes, over density
     gain: NDArray[np.float32]  # (S, K) one over the density, for what the surfaces send
     links_d: Any  # of the S * ray_count rays
@@ -66,7 +67,7 @@ class Evidence:
     stroke: Stroke
     target: NDArray[np.float64]  # (n, 3) painted radiance
     material: NDArray[np.int64]  # (n,)
-    dab_of_sample: NDArray[np.int64]  # (S,) 0..n-1
+    dab_of_sample: NDArray[np.int64]  # (S,) 0..n-1; n and above: unpainted points seen by the same eye
     surface: SurfacePoints  # (S,)
     levels: NDArray[np.float64]  # (S, J)
     columns: NDArray[np.float64]  # (S, J, 4, 3) X, Y, A, B
@@ -89,11 +90,19 @@ def gather_samples(
     if len(rows) > MOST_DABS:
         rows = rows[np.linspace(0, len(rows) - 1, MOST_DABS).round().astype(int)]
     dab, triangle, barycentric = _footprint(stroke, scene, tracer, located, rows)
-    surface = evaluate_surface(scene, triangle, barycentric)
     used, dab = np.unique(dab, return_inverse=True)
     stroke_row = located.row[rows[used]]
+    seen_from = stroke.eye[stroke_row][dab].astype(np.float64)
+    material = np.unique(scene.triangles.material[triangle])
+    other = _elsewhere(field, tracer, material, seen_from.mean(0))
+    order = np.argsort(dab, kind="stable")
+    dab = np.concatenate([dab[order], len(used) + np.arange(len(other))])
+    triangle = np.concatenate([triangle[order], field.elements.triangle[other]])
+    barycentric = np.concatenate([barycentric[order], field.elements.barycentric[other]])
+    seen_from = np.concatenate([seen_from[order], np.broadcast_to(seen_from.mean(0), (len(other), 3))])
+    surface = evaluate_surface(scene, triangle, barycentric)
 
-    eye = stroke.eye[stroke_row][dab] - surface.position
+    eye = seen_from - surface.position
     eye /= np.linalg.norm(eye, axis=1, keepdims=True)
     side = np.where(np.einsum("ij,ij->i", eye, surface.geometric_normal) < 0, -1, 1)[:, None].astype(np.float32)
     normal, geometric = surface.normal * side, surface.geometric_normal * side
@@ -103,6 +112,17 @@ def gather_samples(
     e = (e / np.linalg.norm(e, axis=1, keepdims=True)).astype(np.float32)
     origin = tracer.offset_points(surface.position, geometric, triangle)
     return _trace(e, frames, origin, surface, dab, tracer, field, lights), stroke_row
+
+
+def _elsewhere(field: LightField, tracer: RayTracer, materials: NDArray, eye: NDArray) -> NDArray[np.int64]:
+    """Elements of some materials that an eye sees: where the stroke might have been and is not."""
+    e = field.elements
+    way = eye - e.position
+    mine = np.flatnonzero(np.isin(e.material, materials) & (np.einsum("ij,ij->i", way, e.geometric_normal) > 0))
+    mine = np.random.default_rng(11).permutation(mine)[: 3 * ELSEWHERE]
+    start = tracer.offset_points(e.position[mine], e.geometric_normal[mine], e.triangle[mine])
+    hidden = tracer.occluded(start, (eye - start).astype(np.float32), np.full(len(mine), 0.999, np.float32))
+    return mine[~hidden][:ELSEWHERE]
 
 
 def frames_about(normal: NDArray) -> NDArray[np.float32]:
@@ -200,7 +220,7 @@ def _trace(
     all_local = np.concatenate(locals_, 1)
     gain = np.concatenate([gain, np.zeros((s, all_local.shape[1] - RAYS))], 1)
     return Samples(
-        dab, surface, eye, device.upload(all_local.astype(np.float32)), np.concatenate(lights_in, 1).astype(np.float32),
+        dab, surface, eye, device.upload(_by_sixteen(all_local)), np.concatenate(lights_in, 1).astype(np.float32),
         gain.astype(np.float32), links_d, weights_d, RAYS,
     )  # fmt: skip
 
@@ -238,20 +258,18 @@ def _sample_source(
 
 
 def build_evidence(stroke: Stroke, stroke_row: NDArray, samples: Samples, field: LightField) -> Evidence:
-    """Turns the light that arrives now into columns; call it again after each bounce."""
+    """Turns the light that arrives now into columns, on all levels and in unpainted directions too."""
     surface, s = samples.surface, len(samples.eye)
-    n = int(samples.dab.max()) + 1
+    n = len(stroke_row)
     own = surface.roughness.astype(np.float64)
-    first = np.searchsorted(samples.dab, np.arange(n)) if np.all(np.diff(samples.dab) >= 0) else None
-    if first is None:
-        first = np.array([np.flatnonzero(samples.dab == i)[0] for i in range(n)])
-    levels = sample_levels(own)
+    first = np.searchsorted(samples.dab, np.arange(n))
+    levels = sample_levels(own, float(own[samples.dab < n].mean()))
     columns = evaluate_columns(samples, field, levels)
     background_sample, background = _background(samples, field, levels, first)
     coat = _coat(samples, field) + surface.emission
     target = stroke.colors[stroke_row].astype(np.float64)
     if stroke.space == "reflectance":
-        e_over_pi = _mean_by(columns[:, -1, 0] + columns[:, -1, 1], samples.dab, n)
+        e_over_pi = mean_by(columns[:, -1, 0] + columns[:, -1, 1], samples.dab)[:n]
         target = target * e_over_pi
     return Evidence(
         stroke, target, surface.material[first].astype(np.int64), samples.dab, surface, levels, columns, coat,
@@ -259,9 +277,9 @@ def build_evidence(stroke: Stroke, stroke_row: NDArray, samples: Samples, field:
     )  # fmt: skip
 
 
-def sample_levels(own: NDArray) -> NDArray[np.float64]:
+def sample_levels(own: NDArray, mean: float) -> NDArray[np.float64]:
     """Levels (S, J + 1) of samples: their mean moved onto each level, variation kept, and their own at the end."""
-    shift = roughness_levels()[None] - own.mean()
+    shift = roughness_levels()[None] - mean
     return np.concatenate([np.clip(own[:, None] + shift, 0.001, 1), own[:, None]], 1)
 
 
@@ -276,20 +294,20 @@ def arriving_light(samples: Samples, field: LightField) -> NDArray[np.float32]:
 def evaluate_columns(samples: Samples, field: LightField, levels: NDArray) -> NDArray[np.float64]:
     """Returns X, Y, A, B (S, J, 4, 3) of every sample at roughness `levels` (S, J)."""
     rows = np.arange(len(samples.eye))
-    return _columns(field, samples.eye, rows, samples.local, arriving_light(samples, field), levels)
+    return _columns(field, samples.eye, rows, samples.towards_d, arriving_light(samples, field), levels)
 
 
 def _columns(
-    field: LightField, eye: NDArray, light_row: NDArray, local_d: Any, light: NDArray, levels: NDArray
+    field: LightField, eye: NDArray, light_row: NDArray, towards_d: Any, light: NDArray, levels: NDArray
 ) -> NDArray[np.float64]:
     device, (s, j) = field.device, levels.shape
     out_d = device.empty((s, j, 4, 3), np.float32)
     parameters = lobe_parameter(field.model, levels).astype(np.float32)
     kernel = device.kernel("evidence", "columns", LOBES=len(LOBE_ROUGHNESS), PHONG=int(field.model == "phong"))
     kernel(
-        (j, s), None, device.upload(eye.astype(np.float32)), device.upload(light_row.astype(np.int32)), local_d,
-        device.upload(light.astype(np.float32)), device.upload(parameters), np.uint32(light.shape[1]), np.uint32(j),
-        np.uint32(s), out_d,
+        (j, s), None, device.upload(eye.astype(np.float32)), device.upload(light_row.astype(np.int32)), towards_d,
+        device.upload(_by_sixteen(light)), device.upload(parameters), np.uint32(-(-light.shape[1] // 16)),
+        np.uint32(j), np.uint32(s), out_d,
     )  # fmt: skip
     return device.download(out_d).astype(np.float64)
 
@@ -308,10 +326,10 @@ def _background(
     n, w = len(first), len(chosen)
     eye = np.tile(directions[chosen], (n, 1))
     rows = np.repeat(np.arange(n), w)
-    local_d = field.device.upload(np.tile(directions, (n, 1)).astype(np.float32))
+    towards_d = field.device.upload(_by_sixteen(np.broadcast_to(directions, (n, D, 3))))
     light = incident * np.float32(SOLID_ANGLE)
     clamped = np.maximum(levels[first][rows], SHARPEST_BACKGROUND)
-    return first[rows], _columns(field, eye, rows, local_d, light, clamped)
+    return first[rows], _columns(field, eye, rows, towards_d, light, clamped)
 
 
 def _coat(samples: Samples, field: LightField) -> NDArray[np.float64]:
@@ -323,11 +341,19 @@ def _coat(samples: Samples, field: LightField) -> NDArray[np.float64]:
     return surface.clearcoat[:, None] * (f0 * columns[:, 2] + columns[:, 3])
 
 
-def _mean_by(values: NDArray, group: NDArray, n: int) -> NDArray:
-    """Means (n, ...) of rows by group."""
-    out = np.zeros((n, *values.shape[1:]))
+def mean_by(values: NDArray, group: NDArray) -> NDArray:
+    """Means of rows by group, for every group."""
+    out = np.zeros((int(group.max()) + 1, *values.shape[1:]))
     np.add.at(out, group, values)
-    return out / np.bincount(group, minlength=n).reshape(-1, *[1] * (values.ndim - 1))
+    return out / np.bincount(group).reshape(-1, *[1] * (values.ndim - 1))
+
+
+def _by_sixteen(rows: NDArray) -> NDArray[np.float32]:
+    """Lays rows (R, K, 3) out as (R, 3, K') with K filled up to a multiple of 16 by zeros."""
+    r, k, _ = rows.shape
+    out = np.zeros((r, 3, -(-k // 16) * 16), np.float32)
+    out[:, :, :k] = rows.transpose(0, 2, 1)
+    return out
 
 
 def _up(n: int) -> int:

@@ -19,7 +19,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from usdslf.evidence import Evidence
+from usdslf.evidence import Evidence, mean_by
 from usdslf.reflectance import LEVEL_COUNT
 
 F64 = NDArray[np.float64]
@@ -36,12 +36,15 @@ class Options:
     drift_error: float = 0.10  # of brightness, over the stroke
     drift_length: float = 0.5  # of the stroke's extent
     tint_error: float = 0.05  # of each channel
-    flat_error: float = 0.6  # of each dab's brightness, where one colour was painted on everything
-    freedom: float = 6.0  # cost of a degree of freedom
-    group: float = 6.0  # cost of a second and third parameter
-    background: float = 0.02  # weight of all unpainted directions
-    kind: float = 12.0  # cost of a diffuse metal or of a coloured dielectric
-    tail: float = 4.0  # misfit per dab beyond which it counts by its logarithm
+    flat_error: float = 30.0  # of each dab and channel, where one colour was painted on everything; its mean stays
+    freedom: float = 2.5  # cost of a degree of freedom
+    group: float = 12.0  # cost of a second and third parameter
+    background: float = 0.15  # per dab, for unpainted directions that change by their own radiance
+    kind: float = 6.0  # cost of a diffuse metal or of a coloured dielectric
+    tail: float = 1.0  # misfit per dab beyond which it counts by its logarithm
+    place: float = 0.2  # per dab, for the change being where the stroke is
+    nothing: float = 4.0  # cost of no change: who paints wants one
+    visible: float = 0.05  # relative change that is seen
 
 
 @dataclass(frozen=True)
@@ -60,6 +63,7 @@ class Tables:
     tint_u: F64  # (n, J, 3) U and W of a factor on d instead of a term, for textured colours
     tint_w: F64
     back: tuple[F64, F64, F64, F64, F64]  # P, U, V, W (B, J, 3) and scale (B, 3)
+    elsewhere: tuple[F64, F64, F64, F64]  # P, U, V, W (E, J, 3) of unpainted points that the same eye sees
     levels: F64  # (J,) mean roughness at each level
     diffuse: F64  # (3,) means over the dabs
     f0: F64
@@ -130,6 +134,7 @@ def pool_tables(evidences: list[Evidence], material: int, model: str = "preview_
         tint_u=cat["tint_u"],
         tint_w=cat["tint_w"],
         back=(back_p, cat["back_u"], cat["back_v"], cat["back_w"], back_scale),
+        elsewhere=tuple(cat[f"else_{k}"] for k in "puvw"),  # type: ignore[arg-type]
         levels=cat["levels"].mean(0),
         diffuse=d.mean(0),
         f0=f0.mean(0),
@@ -142,7 +147,7 @@ def pool_tables(evidences: list[Evidence], material: int, model: str = "preview_
 def _tables_of(e: Evidence, material: int, index: int, model: str) -> dict[str, NDArray]:
     n = len(e.target)
     here = np.flatnonzero(e.material == material)
-    mean = lambda x: _mean_by(x, e.dab_of_sample, n)[here]  # noqa: E731
+    mean = lambda x: mean_by(x, e.dab_of_sample)[:n][here]  # noqa: E731
     s = e.surface
     d, f0, f90 = (x.astype(np.float64) for x in (s.diffuse, s.f0, s.f90))
     tied = bool(np.abs(f90 - f0).max() < 2e-3 and d.max() < 0.02) if len(d) else False
@@ -150,7 +155,8 @@ def _tables_of(e: Evidence, material: int, index: int, model: str) -> dict[str, 
     p = p + e.coat[:, None]
     dd = d[:, None]
     row = e.background_sample
-    keep = np.isin(e.material[e.dab_of_sample[row]], [material])
+    keep = e.material[e.dab_of_sample[row]] == material
+    other = (e.dab_of_sample >= n) & (s.material == material)
     bp, bu, bv, bw = (x[keep] for x in bilinear(e.background, d[row], f0[row], f90[row], tied, model))
     colors = e.target[here]
     flat = len(here) > 2 and bool((colors.std(0) <= 0.01 * colors.mean() + 1e-9).all())
@@ -165,6 +171,7 @@ def _tables_of(e: Evidence, material: int, index: int, model: str) -> dict[str, 
         "w": mean(w),
         "tint_u": mean(u * dd),
         "tint_w": mean(w * dd),
+        **{f"else_{k}": x[other] for k, x in zip("puvw", (p, u, v, w), strict=True)},
         "back_p": bp,
         "back_u": bu,
         "back_v": bv,
@@ -202,14 +209,12 @@ def whiten(t: Tables, o: Options) -> F64:
     length = np.maximum(o.drift_length * extent, 1e-9)
     drift = same * np.exp(-0.5 * (gap / length[:, None]) ** 2) * o.drift_error**2
     drift = 0.5 * (drift + drift.T)
-    flat = np.where(t.flat, o.flat_error, 0.0) ** 2
-    brightness = drift + np.diag(flat)
-    # the painter of one colour got its mean right: take the mean's share out of the flat error again
-    for s in np.unique(t.stroke[t.flat]):
-        rows = np.flatnonzero(t.stroke == s)
-        brightness[np.ix_(rows, rows)] -= o.flat_error**2 / len(rows)
     eye, one = np.eye(3), np.ones((3, 3))
-    cov = np.kron(brightness, one) + np.kron(same * o.tint_error**2, eye) + np.eye(3 * n) * o.dab_error**2
+    cov = np.kron(drift, one) + np.kron(same * o.tint_error**2, eye) + np.eye(3 * n) * o.dab_error**2
+    # who paints with one colour gets the mean right, not the contrast
+    for s in np.unique(t.stroke[t.flat]):
+        mine = (t.stroke == s).astype(float)
+        cov += np.kron(o.flat_error**2 * (np.diag(mine) - np.outer(mine, mine) / mine.sum()), eye)
     return np.linalg.inv(np.linalg.cholesky(cov))
 
 
@@ -252,12 +257,13 @@ def fit(
 def score(t: Tables, o: Options, c: Candidate) -> float:
     """Cost of a candidate: misfit, unpainted directions, freedoms, and how odd it is for the kind of surface."""
     n = len(t.target)
-    cost = n * o.tail * np.log1p(c.misfit / (n * o.tail)) + o.background * background_misfit(t, c) * n * 100
+    cost = n * o.tail * np.log1p(c.misfit / (n * o.tail)) + o.background * n * min(background_misfit(t, c), 1.5)
+    cost -= o.place * place_gain(t, o, c)
     if o.norm == "l0" and len(c.freed) > 1:
         return float(cost + 1e6)
     if o.norm == "l2":
         return float(cost if len(c.freed) == 3 else cost + 1e6)
-    cost += o.freedom * c.freedoms + o.group * max(len(c.freed) - 1, 0)
+    cost += o.nothing * (not c.freed) + o.freedom * c.freedoms + o.group * max(len(c.freed) - 1, 0)
     if t.is_metal and "diffuse" in c.freed:
         cost += o.kind
     is_colored = float(np.ptp(c.f0_of(t.f0))) > 0.05
@@ -271,11 +277,34 @@ def background_misfit(t: Tables, c: Candidate) -> float:
     p, u, v, w, scale = t.back
     if not len(p):
         return 0.0
-    j = c.level
-    dd = c.delta_diffuse * (t.diffuse if c.is_tint else 1)
-    change = p[:, j] + dd * u[:, j] + c.delta_f0 * v[:, j] - dd * c.delta_f0 * w[:, j] - p[:, t.own]
+    plain = replace(c, delta_diffuse=c.delta_diffuse * t.diffuse, is_tint=False) if c.is_tint else c
+    change = _predict(plain, p, u, v, w) - p[:, t.own]
     r = np.minimum(np.abs(change / scale), 3.0)
     return float((r * r).mean())
+
+
+def place_gain(t: Tables, o: Options, c: Candidate) -> float:
+    """How much better than chance the stroke lies where the candidate changes what is seen.
+
+    The sum over the dabs of log(change at the dab / mean change over the painted surfaces that the eye sees): nothing for
+    a change that is the same everywhere, a gain for a highlight that was painted where it appears.
+    """
+    p, u, v, w = t.elsewhere
+    if not len(p) or not c.freed:
+        return 0.0
+    here = np.abs(_predict(c, t.p, t.tint_u if c.is_tint else t.u, t.v, t.tint_w if c.is_tint else t.w) - t.p[:, t.own])
+    dd = replace(c, delta_diffuse=c.delta_diffuse * t.diffuse, is_tint=False) if c.is_tint else c
+    there = np.abs(_predict(dd, p, u, v, w) - p[:, t.own])
+    floor = o.visible * t.target.mean()
+    here, there = here.sum(1) + floor, there.sum(1) + floor
+    return float(np.log(here / there.mean()).sum())
+
+
+def _predict(c: Candidate, p: F64, u: F64, v: F64, w: F64) -> F64:
+    """Radiance (n, 3) that a candidate gives, from tables (n, J, 3)."""
+    j = c.level
+    dd, df = c.delta_diffuse, c.delta_f0
+    return p[:, j] + dd * u[:, j] + df * v[:, j] - dd * df * w[:, j]
 
 
 def _fit(
@@ -362,13 +391,6 @@ def refit(t: Tables, chosen: Candidate, o: Options | None = None) -> Candidate:
 
 def relative_error(t: Tables, c: Candidate) -> float:
     """Relative root mean square of the painted radiance minus what the candidate gives."""
-    j = c.level
     u, w = (t.tint_u, t.tint_w) if c.is_tint else (t.u, t.w)
-    got = t.p[:, j] + c.delta_diffuse * u[:, j] + c.delta_f0 * t.v[:, j] - c.delta_diffuse * c.delta_f0 * w[:, j]
+    got = _predict(c, t.p, u, t.v, w)
     return float(np.sqrt(np.mean(((got - t.target) / t.scale) ** 2)))
-
-
-def _mean_by(values: NDArray, group: NDArray, n: int) -> NDArray:
-    out = np.zeros((n, *values.shape[1:]))
-    np.add.at(out, group, values)
-    return out / np.maximum(np.bincount(group, minlength=n), 1).reshape(-1, *[1] * (values.ndim - 1))
