@@ -1,48 +1,26 @@
-"""Laws of ray tracing: exactness of hits, limits of distance, offsets, surfaces seen through."""
+"""Laws of rays (hits, limits of distance, offsets, surfaces seen through) and of the operator G."""
 
 import numpy as np
 import pytest
+from reference.shapes import box, lamp, make_mesh, make_scene, quad, sphere
+from reference.visibility import first_hits, nearest_elements, square_cells
 
-from usdslf.scene import Material, Mesh, Scene, Texture, constant
-from usdslf.visibility import RayTracer, points_at
+from usdslf.directions import D, bin_directions
+from usdslf.elements import ElementLookup, sample_elements
+from usdslf.gpu.device import open_device
+from usdslf.scene import Material, Texture, constant
+from usdslf.visibility import (
+    BATCH,
+    BLOCKED,
+    ESCAPES,
+    LEAST_COSINE,
+    RayTracer,
+    outgoing_directions,
+    points_at,
+    trace_visibility,
+)
 
 RNG_SEED = 7
-
-
-def make_mesh(positions, triangles, material=0, path="/m"):
-    """One flat-shaded mesh of the given corners."""
-    p = np.asarray(positions, np.float32)
-    t = np.asarray(triangles, np.int32).reshape(-1, 3)
-    c = np.nan_to_num(p[t].astype(float), posinf=0, neginf=0)
-    n = np.cross(c[:, 1] - c[:, 0], c[:, 2] - c[:, 0])
-    n /= np.maximum(np.linalg.norm(n, axis=1, keepdims=True), 1e-300)
-    return Mesh(
-        path=path,
-        positions=p,
-        triangles=t,
-        corner_normals=np.repeat(n[:, None], 3, 1).astype(np.float32),
-        face_of_triangle=np.arange(len(t), dtype=np.int32) // 2,
-        triangle_in_face=np.arange(len(t), dtype=np.int32) % 2,
-        material_of_triangle=np.full(len(t), material, np.int32),
-    )
-
-
-def make_scene(*meshes, materials=None, lights=()):
-    return Scene("", np.nan, tuple(meshes), tuple(materials or [Material("")]), tuple(lights), ())
-
-
-def quad(origin, a, b, **kw):
-    o, a, b = (np.asarray(x, float) for x in (origin, a, b))
-    return make_mesh([o, o + a, o + a + b, o + b], [[0, 1, 2], [0, 2, 3]], **kw)
-
-
-def box(low=(0, 0, 0), high=(1, 1, 1), inward=False, **kw):
-    """A box of 12 triangles, facing outwards or inwards."""
-    c = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)], float)
-    p = np.asarray(low, float) + c * (np.asarray(high, float) - np.asarray(low, float))
-    f = [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
-    t = [[q[0], q[i], q[i + 1]] for q in f for i in (1, 2)]
-    return make_mesh(p, [x[::-1] for x in t] if inward else t, **kw)
 
 
 def unit_vectors(rng, n):
@@ -55,33 +33,13 @@ def triangle_soup(rng, n):
     return make_mesh(c.reshape(-1, 3), np.arange(3 * n).reshape(-1, 3))
 
 
-def brute_force(corners, o, d):
-    """First hit of each ray in float64, by solving o + t d = P0 + u E1 + v E2 for all pairs."""
-    c = corners.astype(float)
-    m = np.stack([c[:, 1] - c[:, 0], c[:, 2] - c[:, 0]], -1)  # (T, 3, 2)
-    a = np.concatenate(
-        [
-            np.broadcast_to(m, (len(d), *m.shape)),
-            -np.broadcast_to(d.astype(float)[:, None, :, None], (len(d), len(c), 3, 1)),
-        ],
-        -1,
-    )
-    x = np.linalg.solve(a, (o.astype(float)[:, None] - c[None, :, 0])[..., None])[..., 0]
-    u, v, t = x[..., 0], x[..., 1], x[..., 2]
-    t = np.where((u >= 0) & (v >= 0) & (u + v <= 1) & (t > 0), t, np.inf)
-    first = t.argmin(1)
-    row = np.arange(len(d))
-    hit = np.isfinite(t[row, first])
-    return np.where(hit, first, -1), np.stack([u, v], -1)[row, first], t[row, first]
-
-
 def test_hits_are_those_of_exact_geometry():
     rng = np.random.default_rng(RNG_SEED)
     scene = make_scene(triangle_soup(rng, 100), triangle_soup(rng, 57))
     o = rng.uniform(-1, 1, (999, 3)).astype(np.float32)
     d = unit_vectors(rng, 999)
     hits = RayTracer(scene).intersect(o, d)
-    triangle, bary, t = brute_force(scene.triangles.positions, o, d)
+    triangle, bary, t = first_hits(scene.triangles.positions, o, d)
     same = hits.triangle == triangle
     assert same.mean() > 0.998  # edges are decided by rounding
     at = same & (triangle >= 0)
@@ -97,11 +55,13 @@ def test_many_rays_on_threads_give_what_one_thread_gives():
     scene = make_scene(triangle_soup(rng, 300))
     o, d = rng.uniform(-1, 1, (70001, 3)).astype(np.float32), unit_vectors(rng, 70001)
     one, two = RayTracer(scene, threads=1), RayTracer(scene, threads=2)
-    a, b, c = one.intersect(o, d), two.intersect(o, d), two.intersect_here(o, d)
-    for other in (b, c):
-        np.testing.assert_array_equal(a.triangle, other.triangle)
-        np.testing.assert_array_equal(a.barycentric, other.barycentric)
-        np.testing.assert_array_equal(a.distance, other.distance)
+    a, b = one.intersect(o, d), two.intersect(o, d)
+    np.testing.assert_array_equal(a.triangle, b.triangle)
+    np.testing.assert_array_equal(a.barycentric, b.barycentric)
+    np.testing.assert_array_equal(a.distance, b.distance)
+    triangle, u, v, _ = two.intersect_columns(o, d)
+    np.testing.assert_array_equal(a.triangle, triangle)
+    np.testing.assert_array_equal(a.barycentric, np.stack([u, v], 1))
     far = two.occluded(o, d)
     np.testing.assert_array_equal(far, a.triangle >= 0)
     near = two.occluded(o, d, 0.3)
@@ -211,3 +171,134 @@ def test_a_stack_of_more_layers_than_the_limit_ends():
     tracer = RayTracer(scene, opacity=lambda triangle, bary: np.zeros(len(triangle), np.float32))
     hits = tracer.intersect([[0.4, 0.3, 0]], [[0, 0, 1]])
     assert 30 <= scene.triangles.mesh[hits.triangle[0]] < 40
+
+
+def trace(scene, count=200, seed=1, see=None):
+    tracer = RayTracer(scene)
+    e = sample_elements(scene, tracer, count, np.random.default_rng(seed))
+    return e, trace_visibility(e, ElementLookup(scene, tracer, e), tracer, see or open_device()).hit
+
+
+def closed_room():
+    """A room with a lamp, a leaning box and a ball in it."""
+    turn = np.linalg.qr(np.random.default_rng(2).normal(size=(3, 3)))[0]
+    block = box((-0.3, -0.3, -0.3), (0.3, 0.3, 0.3))
+    block = make_mesh(block.positions @ (turn * np.linalg.det(turn)).T + 0.35, block.triangles, path="/block")
+    room = box((-1, -1, -1), (1, 1, 1), inward=True, path="/room")
+    return make_scene(room, block, lights=[lamp(height=0.95)])
+
+
+def test_links_are_those_of_exact_geometry():
+    scene = closed_room()
+    e, hit = trace(scene, 700)
+    chosen = np.random.default_rng(0).choice(len(e), 30, replace=False)
+    d = bin_directions() @ e.frame[chosen].astype(float)  # (30, D, 3)
+    o = np.repeat(e.position[chosen].astype(float) + 1e-6 * e.geometric_normal[chosen], D, 0)
+    triangle, _, distance = first_hits(scene.triangles.positions, o, d.reshape(-1, 3))
+    assert (triangle >= 0).all()
+    p = o + d.reshape(-1, 3) * distance[:, None]
+    towards = d.reshape(-1, 3)
+    normal = scene.triangles.face_normals[triangle].astype(float)
+    normal *= -np.sign((normal * towards).sum(1, keepdims=True))
+    nearest, gap = nearest_elements(p, normal, scene.triangles.mesh[triangle], e)
+    link = hit[chosen].ravel()
+    assert (link < BLOCKED).all()
+    named, cell = (link >> 10).astype(int), (link & 1023).astype(int)
+    assert (named == nearest).mean() > 0.99
+    row = np.arange(len(p))
+    assert np.quantile(gap[row, named] - gap[row, nearest], 0.999) < 0.25 * np.sqrt(e.area.max())
+
+    # Every ray comes from the bin that it arrives in, but for rounding at the borders of bins.
+    local = np.einsum("nij,nj->ni", e.frame[named].astype(float), -towards)
+    local[:, 2] = np.maximum(local[:, 2], 0)
+    local /= np.linalg.norm(local, axis=1, keepdims=True)
+    assert (cell == square_cells(local)).mean() > 0.999
+    within = (bin_directions()[cell] * local).sum(1)
+    assert within.min() > np.cos(0.12)
+
+
+def test_links_do_not_depend_on_batches(monkeypatch):
+    scene = closed_room()
+    hit = trace(scene, 2 * BATCH + 7)[1]
+    assert hit.shape == (2 * BATCH + 7, D) and hit.dtype == np.uint32
+    monkeypatch.setattr("usdslf.visibility.BATCH", 5)
+    again = trace(scene, 2 * BATCH + 7)[1]
+    np.testing.assert_array_equal(hit, again)
+
+
+def test_in_a_closed_room_nothing_escapes_and_nothing_is_dead():
+    e, hit = trace(closed_room(), 300)
+    assert (e.side > 0).all() and (hit < BLOCKED).all()
+    assert (hit >> 10).max() < len(e)
+
+
+def test_from_a_sheet_in_the_open_all_rays_escape():
+    e, hit = trace(make_scene(quad((0, 0, 0), (1, 0.2, 0), (0, 1, 0.3))), 100)
+    assert set(np.unique(e.side)) == {-1, 1} and (hit == ESCAPES).all()
+
+
+def test_form_factor_of_parallel_squares():
+    # Unit squares at distance 1, Howell C-11: F = 2/pi (ln sqrt(4/3) + 2 sqrt 2 atan(1/sqrt 2) - 2 atan 1).
+    s = np.sqrt(2)
+    exact = 2 / np.pi * (np.log(np.sqrt(4 / 3)) + 2 * s * np.arctan(1 / s) - 2 * np.arctan(1))
+    low, high = quad((0, 0, 0), (1, 0, 0), (0, 1, 0)), quad((0, 0, 1), (0, 1, 0), (1, 0, 0))
+    e, hit = trace(make_scene(low, high), 1200)
+    cosine = bin_directions()[:, 2] / (D / 2)  # dw cos / pi
+    inner = np.flatnonzero(e.geometric_normal[:, 2] * (0.5 - e.position[:, 2]) > 0)
+    factor = ((hit[inner] < BLOCKED) * cosine).sum(1).mean()
+    np.testing.assert_allclose(factor, exact, rtol=0.01)
+    # Only the inner sides of the two see each other.
+    seen = hit[hit < BLOCKED] >> 10
+    assert np.isin(seen, inner).all() and (hit[e.side < 0] == ESCAPES).all()
+
+
+def test_back_to_back_plates_and_thin_boxes_hide_what_is_behind():
+    slab = box((-2, -2, 0), (2, 2, 0.002), path="/slab")
+    twin = quad((-2, -2, -1), (4, 0, 0), (0, 4, 0), path="/up")
+    behind = quad((-2, -2, -1.001), (0, 4, 0), (4, 0, 0), path="/down")
+    scene = make_scene(slab, twin, behind, quad((-2, -2, 1), (0, 4, 0), (4, 0, 0), path="/lid"))
+    e, hit = trace(scene, 900)
+    i, _ = np.nonzero(hit < BLOCKED)
+    j = hit[hit < BLOCKED] >> 10
+    way = e.position[j] - e.position[i]
+    z, up = e.position[i, 2], e.geometric_normal[i, 2]
+    faces = np.abs(up) > 0.5
+    # What an element sees is on its side of its own plane, and of both plates of the pair.
+    assert ((way[:, 2] * up)[faces] > 0).all()
+    assert not ((z > -0.99) & (e.position[j, 2] < -1.0005)).any()
+    assert (e.geometric_normal[j, 2] * way[:, 2] <= 0)[faces & (np.abs(e.geometric_normal[j, 2]) > 0.5)].all()
+
+
+def test_the_inside_of_a_body_is_blocked():
+    scene = make_scene(sphere(1.0, rows=12), lights=[lamp(height=5)])
+    tracer = RayTracer(scene)
+    e = sample_elements(scene, tracer, 200)
+    lookup = ElementLookup(scene, tracer, e)
+    into = type(e)(
+        **{**vars(e), "geometric_normal": -e.geometric_normal, "frame": -e.frame, "normal": -e.normal}
+    )
+    hit = trace_visibility(into, lookup, tracer, open_device()).hit
+    assert (hit == BLOCKED).mean() > 0.999
+
+
+def test_rays_never_start_into_the_surface():
+    # A coarse ball, smooth-shaded: bins of the shading frame lie up to 20 degrees below the triangle.
+    scene = make_scene(sphere(1.0, rows=6))
+    e, hit = trace(scene, 300)
+    d = outgoing_directions(e, bin_directions().astype(np.float32), slice(0, len(e)))
+    cosine = (d * e.geometric_normal[:, None]).sum(2)
+    assert cosine.min() > LEAST_COSINE * 0.9
+    assert (bin_directions() @ e.frame[:, :, :].astype(float) * e.geometric_normal[:, None]).sum(
+        2
+    ).min() < -0.05
+    np.testing.assert_allclose(np.linalg.norm(d, axis=2), 1, atol=1e-5)
+    assert (hit == ESCAPES).mean() > 0.995
+
+
+def test_half_transparent_sheets_let_half_of_the_rays_through():
+    veil = quad((-20, -20, 0.2), (0, 40, 0), (40, 0, 0), material=1)
+    floor = quad((0, 0, 0), (1, 0, 0), (0, 1, 0))
+    materials = [Material("/floor"), Material("/veil", opacity=constant(0.5), opacity_mode="presence")]
+    e, hit = trace(make_scene(floor, veil, materials=materials), 500)
+    up = (e.mesh == 0) & (e.side > 0)
+    assert abs((hit[up] == ESCAPES).mean() - 0.5) < 0.02

@@ -1,9 +1,9 @@
 """ElementLookup: the elements near any point of the scene, in constant time.
 
-Every triangle is cut into n x n cells, half the spacing of elements wide or less.  A cell names the
+Every triangle is cut into n x n cells, two thirds of the spacing of elements wide or less.  A cell names the
 elements that its points may be nearest to: of the same part and side, with an agreeing normal, and seen
-from the cell rather than hidden behind a wall.  Cells of small triangles that fall together share their
-entry.  A point then compares its distance to those few.  kernels/lookup.cl holds the device twin.
+from the cell rather than hidden behind a wall.  Triangles smaller than a cell share the entries of others
+beside them.  A point then compares its distance to those few.  kernels/lookup.cl holds the device twin.
 
     cell (i, j, upper) of (u, v):  i = floor(u n), j = floor(v n), upper: frac(u n) + frac(v n) > 1
     its number:                    i (2 n - i) + 2 j + upper,  0 .. n^2 - 1
@@ -31,12 +31,13 @@ NEAR = 8  # elements an entry names
 ASKED = 10  # elements that are considered for them
 BATCH = 16384
 BLEND = 4  # of them are blended at a point
-CELLS_PER_SPACING = 2.0
-ENTRIES_PER_SPACING = 3.0  # cells closer than that share their entry
+CELLS_PER_SPACING = 1.5
+ENTRIES_PER_SPACING = 3.0  # whole triangles that are closer share their entry
 NORMAL_WEIGHT = 1.0  # spacings for a normal turned by one radian
 AGREES = 0.35  # least cosine between the normals of a point and its elements, where there is a choice
 LIFT = 0.2  # of their distance: how far cell and element are lifted to look at each other
-MOST_CELLS = 3_000_000  # beside those of one a triangle
+SLIVER = 4096  # cells that a triangle may have whatever its area
+MOST_CELLS = 1_000_000  # beside one for each triangle
 
 
 @dataclass(frozen=True)
@@ -46,7 +47,7 @@ class DeviceLookup:
     cells_of_triangle_d: Any  # (T, 2) uint32: first cell, divisions n
     face_normal_d: Any  # (T, 3) float32
     entry_of_cell_d: Any  # (2, C) uint32, front and back; NONE where no light comes
-    elements_of_entry_d: Any  # (entries, NEAR) uint32, nearest first; NONE where there are fewer
+    elements_of_entry_d: Any  # (entries, NEAR) uint32, nearest first; the first again where there are fewer
     position_d: Any  # (N, 3) float32
     cell_count: np.uint32
 
@@ -88,8 +89,9 @@ class ElementLookup:
         for side in (0, 1):
             sign = 1 - 2 * side
             live = np.flatnonzero(np.isfinite(spacing[part, side]))
+            whole = self.divisions[triangle[live]] == 1
             rows, entry = _share_cells(
-                position[live], sign * shading[live], part[live] * 2 + side, spacing[part[live], side]
+                position[live], sign * shading[live], part[live] * 2 + side, spacing[part[live], side], whole
             )
             rows = live[rows]
             near = _near_elements(
@@ -147,7 +149,7 @@ class ElementLookup:
         near = self.elements_of_entry[np.where(dead, 0, entry)]  # (n, NEAR)
         point = _interpolate(self._scene.triangles.positions, tri, np.asarray(barycentric)).astype(np.float32)
         missing = near == NONE
-        near = np.where(missing, near[:, :1], near)
+        near = self._filled(near)
         gap = self._elements.position[near] - point[:, None]
         distance = np.where(missing, np.float32(np.inf), np.sqrt((gap * gap).sum(2)))
         order = np.argsort(distance, 1, kind="stable")[:, : BLEND + 1]
@@ -157,6 +159,10 @@ class ElementLookup:
         weight[dead] = 0
         return near[:, :BLEND].astype(np.int64), weight
 
+    @staticmethod
+    def _filled(near: NDArray[np.uint32]) -> NDArray[np.uint32]:
+        return np.where(near == NONE, near[:, :1], near)
+
     def upload(self, device: Device) -> DeviceLookup:
         """Copies the tables to a device."""
         return DeviceLookup(
@@ -165,7 +171,7 @@ class ElementLookup:
             ),
             face_normal_d=device.upload(self._scene.triangles.face_normals),
             entry_of_cell_d=device.upload(self.entry_of_cell),
-            elements_of_entry_d=device.upload(self.elements_of_entry),
+            elements_of_entry_d=device.upload(self._filled(self.elements_of_entry)),
             position_d=device.upload(self._elements.position),
             cell_count=np.uint32(self.entry_of_cell.shape[1]),
         )
@@ -180,7 +186,7 @@ def blend_weights(distance: NDArray) -> NDArray[np.float32]:
     last = np.where(np.isfinite(d[:, :BLEND]), d[:, :BLEND], 0).max(1)
     reach = np.where(np.isfinite(d[:, BLEND]), d[:, BLEND], 2 * last)
     reach = np.maximum(reach, np.float32(1e-30))[:, None]
-    ratio = np.minimum(np.where(np.isfinite(d[:, :BLEND]), d[:, :BLEND], np.float32(1e30)) / reach, 1)
+    ratio = np.minimum(d[:, :BLEND], reach) / reach
     w = (1 - ratio * ratio) ** 2
     w[:, 0] = np.maximum(w[:, 0], np.float32(1e-6))  # five at the same distance
     return (w / w.sum(1, keepdims=True)).astype(np.float32)
@@ -192,10 +198,10 @@ def _divide_triangles(corners: NDArray, area: NDArray, cell: NDArray) -> NDArray
     edges = np.linalg.norm(c - np.roll(c, 1, 1), axis=2)
     with np.errstate(invalid="ignore"):
         wanted = np.nan_to_num(edges.max(1, initial=0) / cell, posinf=1) if len(c) else np.zeros(0)
-        fair = np.nan_to_num(np.sqrt(2 * area) / cell, posinf=1) if len(c) else np.zeros(0)
-    slack = 1e3
+        fair = np.nan_to_num(np.sqrt(SLIVER + 30 * area / cell**2), posinf=1) if len(c) else np.zeros(0)
+    slack = 1.0
     while True:
-        n = np.clip(np.ceil(np.minimum(wanted, slack * fair)), 1, 4096).astype(np.int32)
+        n = np.clip(np.ceil(np.minimum(wanted, slack * fair)), 1, 2048).astype(np.int32)
         if (n.astype(np.int64) ** 2).sum() <= MOST_CELLS + len(n):
             return n
         slack *= 0.8
@@ -224,9 +230,11 @@ def _cell_of(bary: NDArray, n: NDArray) -> NDArray[np.uint32]:
 
 
 def _share_cells(
-    position: NDArray, normal: NDArray, group: NDArray, spacing: NDArray
+    position: NDArray, normal: NDArray, group: NDArray, spacing: NDArray, whole: NDArray
 ) -> tuple[NDArray[np.int64], NDArray[np.uint32]]:
     """Finds cells that are as good as the same: a third of the spacing apart, alike in normal and group.
+
+    Only cells that are whole triangles (n,) share; those of a cut triangle may have a wall between them.
 
     Returns: one cell (entries,) for each entry, and the entry (n,) of each cell.
     """
@@ -236,8 +244,8 @@ def _share_cells(
     turn = np.rint(normal * 2.5).astype(np.int64)
     key = group.astype(np.uint64)
     for column in (*box.T, *turn.T):
-        key = (key ^ column.astype(np.uint64)) * np.uint64(0x9E3779B97F4A7C15)
-        key ^= key >> np.uint64(29)
+        key = key * np.uint64(0x9E3779B97F4A7C15) + column.astype(np.uint64)
+    key = np.where(whole, key | np.uint64(1 << 63), np.arange(len(key), dtype=np.uint64))
     _, first, entry = np.unique(key, return_index=True, return_inverse=True)
     return first, entry.astype(np.uint32)
 

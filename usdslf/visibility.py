@@ -16,7 +16,7 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from time import perf_counter
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 from embreex.mesh_construction import TriangleMesh
@@ -35,12 +35,13 @@ if TYPE_CHECKING:
 ESCAPES = np.uint32(0xFFFFFFFF)  # nothing is hit
 BLOCKED = np.uint32(0xFFFFFFFE)  # a side is hit that no light reaches
 LEAST_COSINE = 0.005  # rays that a shading normal sends below the surface leave it at this angle
-BATCH = 16  # elements whose rays are traced and looked up at once
+BATCH = 32  # elements whose rays are traced and looked up at once
 FAR = np.float32(1e37)  # Embree's "no limit"
 CHUNK = 16384  # rays of one run: their records stay in the second-level cache
 MAX_LAYERS = 32  # see-through surfaces that a ray may pass
 ULPS = 16.0  # offset of ray origins, in units of the last place of the coordinates
 
+Work = TypeVar("Work")
 Opacity = Callable[[I32, F32], F32]
 """triangle (n,), barycentric (n, 2) -> opacity (n,)."""
 
@@ -83,8 +84,8 @@ class RayTracer:
         triangles = scene.triangles
         corners = np.ascontiguousarray(triangles.positions, np.float32)
         # NaN and infinite corners would poison the bounds of the tree: collapse those triangles.
-        finite = np.isfinite(corners).reshape(len(corners), 9).all(1)
-        corners = np.where(finite[:, None, None], corners, np.float32(0))
+        finite = np.isfinite(corners).reshape(-1, 9).all(1)
+        corners = np.where(finite.reshape(-1, 1, 1), corners, np.float32(0))
         self._extent = np.abs(corners).max((1, 2)) if len(corners) else np.zeros(0, np.float32)
         self._usual_extent = float(np.quantile(self._extent, 0.99)) if len(corners) else 0.0
         self._embree = EmbreeScene()
@@ -133,21 +134,22 @@ class RayTracer:
         hits = self.intersect(o, d)
         return (hits.triangle >= 0) & (hits.distance < limit)
 
-    def intersect_here(self, origins: F32, directions: F32) -> Hits:
-        """Does what `intersect` does on the calling thread alone, for callers that share out the work."""
-        o, d = _rays(origins, directions)
-        n = len(o)
-        hits = Hits(np.empty(n, np.int32), np.empty((n, 2), np.float32), np.empty(n, np.float32))
-        for a in range(0, n, CHUNK):
-            rows = slice(a, min(a + CHUNK, n))
-            self._intersect_into(o[rows], d[rows], hits, rows)
-        if self._clear is not None:
-            self._pass_through(o, d, hits)
-        return hits
+    def intersect_columns(self, origins: F32, directions: F32) -> tuple[NDArray, ...]:
+        """Does what `intersect` does on the calling thread alone, for callers that share out the work.
 
-    def map_ahead(self, work: Callable[[int], Hits], items: Iterable[int]) -> Iterator[tuple[int, Hits]]:
+        Returns: triangle, u, v, distance, each (n,); the distance of a miss is any large number.
+        """
+        found = self._embree.run(origins, directions, output=True)
+        triangle, u, v, distance = (found[name] for name in ("primID", "u", "v", "tfar"))
+        if self._clear is None:
+            return triangle, u, v, distance
+        hits = Hits(triangle, np.stack([u, v], 1), distance)
+        self._pass_through(origins, directions, hits)
+        return triangle, *(np.ascontiguousarray(x) for x in hits.barycentric.T), distance
+
+    def map_ahead(self, work: Callable[[int], Work], items: Iterable[int]) -> Iterator[tuple[int, Work]]:
         """Yields (item, work(item)) in order, working on some items ahead on all threads."""
-        waiting: deque[tuple[int, Future[Hits]]] = deque()
+        waiting: deque[tuple[int, Future[Work]]] = deque()
         for item in items:
             waiting.append((item, self._pool.submit(work, item)))
             if len(waiting) > 2 * self.threads:
@@ -255,21 +257,21 @@ def trace_visibility(
     kernel = device.kernel("visibility", "pack_hits")
     packed_d = [device.empty((BATCH * D,), np.uint32) for _ in range(2)]
 
-    def trace(first: int) -> Hits:
+    def trace(first: int) -> tuple[NDArray, ...]:
         rows = slice(first, min(first + BATCH, n))
         direction = outgoing_directions(elements, bins, rows)
-        return tracer.intersect_here(np.repeat(start[rows], D, 0), direction.reshape(-1, 3))
+        origin = np.broadcast_to(start[rows, None], direction.shape)
+        return tracer.intersect_columns(origin.reshape(-1, 3), direction.reshape(-1, 3))
 
-    for turn, (first, hits) in enumerate(tracer.map_ahead(trace, range(0, n, BATCH))):
-        count = len(hits.triangle)
-        u, v = (np.ascontiguousarray(x) for x in hits.barycentric.T)
+    for turn, (first, columns) in enumerate(tracer.map_ahead(trace, range(0, n, BATCH))):
+        count = len(columns[0])
         kernel(
-            (-(-count // 64) * 64,),
+            (BATCH * D,),  # always the same: a CPU compiles a kernel for each size
             None,
             np.uint32(count),
             np.uint32(first),
             np.float32(LEAST_COSINE),
-            *(device.upload(x) for x in (hits.triangle, u, v, hits.distance)),
+            *(device.upload(x) for x in columns),
             bins_d,
             start_d,
             geometric_d,
@@ -290,11 +292,11 @@ def outgoing_directions(elements: Elements, bins: F32, rows: slice) -> F32:
     """World directions (n, D, 3) of bins (D, 3) of some elements, lifted where they are below the surface."""
     normal = elements.geometric_normal[rows]
     direction = bins @ elements.frame[rows]
-    cosine = direction @ normal[:, :, None]
-    low = np.flatnonzero(cosine.min((1, 2)) < LEAST_COSINE)
-    if len(low):
-        lifted = direction[low] + np.maximum(LEAST_COSINE - cosine[low], 0) * normal[low, None]
-        direction[low] = lifted / np.linalg.norm(lifted, axis=2, keepdims=True)
+    leaning = np.flatnonzero((normal * elements.normal[rows]).sum(1) < 0.9999)
+    if len(leaning):
+        cosine = direction[leaning] @ normal[leaning, :, None]
+        lifted = direction[leaning] + np.maximum(LEAST_COSINE - cosine, 0) * normal[leaning, None]
+        direction[leaning] = lifted / np.linalg.norm(lifted, axis=2, keepdims=True)
     return direction
 
 

@@ -1,0 +1,373 @@
+"""Laws of elements and of their look-up: areas, spacing, living sides, no leaks."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from reference.shapes import box, corrugated, lamp, make_mesh, make_scene, quad, sphere
+from scipy.spatial import cKDTree
+
+from usdslf.blue_noise import choose_blue_noise
+from usdslf.element_lookup import _cell_centres, _cell_of, blend_weights
+from usdslf.elements import ElementLookup, sample_elements, share_out
+from usdslf.errors import StageError
+from usdslf.gpu.device import open_device
+from usdslf.scene import Camera, Material, PrimvarInput, constant
+from usdslf.visibility import RayTracer, points_at
+
+
+def sample(scene, count=600, seed=3):
+    tracer = RayTracer(scene)
+    return tracer, sample_elements(scene, tracer, count, np.random.default_rng(seed))
+
+
+def random_points(scene, n, seed=5):
+    """Points on triangles, by area."""
+    rng = np.random.default_rng(seed)
+    area = scene.triangles.areas
+    triangle = rng.choice(len(area), n, p=area / area.sum())
+    b = rng.random((n, 2))
+    b = np.where(b.sum(1, keepdims=True) > 1, 1 - b, b).astype(np.float32)
+    return triangle, b, points_at(scene.triangles.positions, triangle, b)
+
+
+def test_areas_sum_to_the_surface_and_are_equal():
+    scene = make_scene(
+        box((0, 0, 0), (2, 1, 3)), quad((5, 0, 0), (4, 0, 0), (0, 2, 1)), sphere(1.5, center=(0, 8, 0))
+    )
+    _, e = sample(scene, 1000)
+    assert len(e) == 1000
+    for mesh, sides in ((0, (1,)), (1, (1, -1)), (2, (1,))):
+        surface = scene.triangles.areas[scene.triangles.mesh == mesh].sum()
+        assert set(np.unique(e.side[e.mesh == mesh])) == set(sides)
+        for side in sides:
+            np.testing.assert_allclose(e.area[(e.mesh == mesh) & (e.side == side)].sum(), surface, rtol=1e-5)
+    assert e.area.max() / e.area.min() < 1.03
+
+
+def test_elements_lie_on_their_triangles():
+    scene = make_scene(sphere(1.0), box((3, 3, 3), (4, 4, 4)))
+    _, e = sample(scene)
+    t = scene.triangles
+    np.testing.assert_allclose(points_at(t.positions, e.triangle, e.barycentric), e.position, atol=1e-5)
+    np.testing.assert_allclose(t.face_normals[e.triangle] * e.side[:, None], e.geometric_normal, atol=1e-6)
+    np.testing.assert_array_equal(t.mesh[e.triangle], e.mesh)
+    np.testing.assert_array_equal(t.material[e.triangle], e.material)
+    for value in vars(e).values():
+        assert value.dtype in (np.float32, np.int32), value.dtype
+
+
+def test_elements_keep_their_distance():
+    scene = make_scene(quad((0, 0, 0), (10, 0, 0), (0, 10, 0)))
+    _, e = sample(scene, 2000)
+    front = e.position[e.side > 0]
+    spacing = np.sqrt(100 / len(front))
+    gap = cKDTree(front).query(front, k=2)[0][:, 1] / spacing
+    dice = np.random.default_rng(0).random((len(front), 2)) * 10
+    random_gap = cKDTree(dice).query(dice, k=2)[0][:, 1] / spacing
+    assert gap.min() > 0.6 and gap.mean() > 0.8
+    assert random_gap.min() < 0.1 and random_gap.mean() < 0.6  # what no care would give
+    hole = cKDTree(front).query(np.random.default_rng(1).random((20000, 2)) @ np.eye(2, 3) * 10)[0]
+    assert hole.max() < 1.3 * spacing
+
+
+def test_choice_is_exact_for_each_group_whatever_the_candidates():
+    rng = np.random.default_rng(0)
+    x = np.concatenate([rng.random((500, 3)) * 10, np.ones((40, 3)), rng.random((3, 3))])
+    x[500:540, 0] += 1000  # forty copies of one point
+    x[540:, 0] += 2000
+    group = np.repeat([0, 1, 2, 3], [500, 40, 3, 0])
+    chosen = choose_blue_noise(x, group, np.array([100, 7, 9, 4]), rng)
+    np.testing.assert_array_equal(np.bincount(group[chosen], minlength=4), [100, 7, 3, 0])
+    assert len(choose_blue_noise(x[:0], group[:0], np.array([3]), rng)) == 0
+
+
+def test_frames_are_orthonormal_and_differ():
+    _, e = sample(make_scene(sphere(1.0), quad((3, 0, 0), (1, 0, 0), (0, 1, 0))))
+    f = e.frame.astype(float)
+    np.testing.assert_allclose(f @ f.transpose(0, 2, 1), np.broadcast_to(np.eye(3), f.shape), atol=1e-5)
+    np.testing.assert_allclose(np.linalg.det(f), 1, atol=1e-5)
+    np.testing.assert_allclose(f[:, 2], e.normal, atol=1e-6)
+    flat = f[(e.mesh == 1) & (e.side > 0), 0]
+    assert np.linalg.norm(flat.mean(0)) < 0.3
+
+
+def test_same_seed_same_elements():
+    scene = make_scene(sphere(1.0), box((2, 2, 2), (3, 3, 3)))
+    a, b, c = sample(scene, 300, 1)[1], sample(scene, 300, 1)[1], sample(scene, 300, 2)[1]
+    for x, y in zip(vars(a).values(), vars(b).values(), strict=True):
+        np.testing.assert_array_equal(x, y)
+    assert not np.array_equal(a.position, c.position)
+
+
+def test_small_props_have_elements():
+    props = [box((i, 0, 0), (i + 0.01, 0.01, 0.01), path=f"/prop{i}") for i in range(10)]
+    scene = make_scene(quad((-50, -1, -50), (0, 0, 100), (100, 0, 0)), *props)
+    _, e = sample(scene, 1000)
+    number = np.bincount(e.mesh, minlength=11)
+    assert len(e) == 1000 and (number[1:] >= 6).all()
+
+
+@pytest.mark.parametrize("count", [1, 7, 50, 1000])
+def test_shares_are_exact_and_by_area(count):
+    area = np.random.default_rng(0).random(40) ** 8
+    area[3] = 0
+    share = share_out(area, count)
+    assert share.sum() == count and share[3] == 0
+    assert (np.diff(share[np.argsort(area)]) >= 0).all()
+    if count == 1000:
+        assert (share[area > 0] >= 6).all()
+
+
+def test_inside_of_closed_bodies_is_dead_and_of_open_ones_alive():
+    cup = box((5, 0, 0), (6, 1, 1))
+    cup = make_mesh(cup.positions, cup.triangles[:-2])  # without its top in z
+    scene = make_scene(box(), sphere(0.5, center=(3, 0, 0)), cup)
+    _, e = sample(scene, 900)
+    inside = e.side < 0
+    assert not inside[e.mesh < 2].any()
+    np.testing.assert_allclose(e.area[inside & (e.mesh == 2)].sum(), 5, rtol=0.02)
+
+
+def test_bodies_that_cut_into_each_other_do_not_leak():
+    floor = quad((-2, 0, -2), (0, 0, 4), (4, 0, 0), path="/floor")
+    scene = make_scene(floor, sphere(1.0, path="/half sunk"))
+    _, e = sample(scene, 2000)
+    assert not ((e.mesh == 1) & (e.side < 0)).any()
+    on_floor = (e.mesh == 0) & (e.side > 0)
+    radius = np.linalg.norm(e.position[on_floor], axis=1)
+    assert (radius < 0.9).sum() == 0
+    np.testing.assert_allclose(e.area[on_floor].sum(), 16 - np.pi, rtol=0.03)
+
+
+def test_in_a_closed_room_the_inside_lives_by_its_lamp():
+    room = box((-1, -1, -1), (1, 1, 1), inward=True)
+    _, e = sample(make_scene(room, lights=[lamp(height=0.9)]), 300)
+    assert (e.side > 0).all()
+    _, e = sample(make_scene(room), 300)  # the default light comes from outside
+    assert (e.side < 0).all()
+    glowing = make_mesh(room.positions, room.triangles, material=0)
+    material = Material("", emissive_color=constant(1, 1, 1))
+    _, e = sample(make_scene(glowing, materials=[material], lights=[lamp(height=50)]), 300)
+    assert set(np.unique(e.side)) == {-1, 1}
+
+
+def test_what_a_camera_sees_has_elements_even_unlit():
+    scene = make_scene(box(inward=True), lights=[lamp(height=9, up=True)])
+    look = np.eye(4)
+    look[:3, 3] = 0.5
+    scene = replace(scene, cameras=(Camera("/cam", look, 20.0, 20.0, 50.0),))
+    _, e = sample(scene, 300)
+    assert (e.side > 0).all()
+
+
+def test_a_scene_that_no_light_reaches_has_elements_everywhere():
+    _, e = sample(make_scene(box(), lights=[lamp(height=9, up=True)]), 300)
+    assert set(np.unique(e.side)) == {-1, 1}
+
+
+def test_no_surface_is_a_stage_error():
+    for scene in (make_scene(), make_scene(make_mesh(np.zeros((3, 3)), [[0, 1, 2]]))):
+        with pytest.raises(StageError, match="no surface"):
+            sample_elements(scene, RayTracer(scene))
+
+
+def test_reflectance_is_the_mean_around_the_element():
+    plain = quad((0, 0, 0), (4, 0, 0), (0, 1, 0))
+    color = np.repeat(
+        (plain.positions[plain.triangles][..., :1] / 4) ** 1, 3, 2
+    )  # red = green = blue = x / 4
+    mesh = replace(plain, primvars={"displayColor": color.astype(np.float32)})
+    scene = make_scene(mesh, materials=[Material("", diffuse_color=PrimvarInput("displayColor", (0, 0, 0)))])
+    _, e = sample(scene, 800)
+    whole = (e.area[:, None] * e.diffuse).sum(0) / e.area.sum()
+    direct = points_at(color, e.triangle, e.barycentric)
+    slope = np.polyfit(direct[:, 0], e.diffuse[:, 0], 1)[0]
+    assert abs(slope - 1) < 0.02 and np.abs(e.diffuse - direct).max() < 0.03
+    np.testing.assert_allclose(whole, direct.mean(0), rtol=0.02)
+
+
+def test_cut_out_holes_have_no_elements():
+    plain = quad((0, 0, 0), (4, 0, 0), (0, 1, 0))
+    x = plain.positions[plain.triangles][..., :1]
+    mesh = replace(plain, primvars={"leaf": (x / 4).astype(np.float32)})
+    leaf = Material("", opacity=PrimvarInput("leaf", (1,)), opacity_threshold=0.5)
+    _, e = sample(make_scene(mesh, materials=[leaf]), 400)
+    assert (e.position[:, 0] >= 2).all()
+    np.testing.assert_allclose(e.area[e.side > 0].sum(), 2, rtol=0.05)
+
+
+def test_more_gprims_than_elements_share_by_material():
+    rng = np.random.default_rng(0)
+    leaves = [
+        quad(rng.uniform(-5, 5, 3), (0.3, 0, 0), (0, 0.3, 0), material=i % 2, path=f"/leaf{i}")
+        for i in range(700)
+    ]
+    scene = make_scene(*leaves, materials=[Material("/a"), Material("/b")])
+    tracer, e = sample(scene, 200)
+    assert len(e) == 200
+    lookup = ElementLookup(scene, tracer, e)
+    triangle, bary, _ = random_points(scene, 2000)
+    for side in (1, -1):
+        element, weight = lookup.nearest(triangle, bary, np.full(2000, side))
+        assert (weight.sum(1) > 0.999).mean() > 0.95
+        live = weight > 0
+        material = np.broadcast_to(scene.triangles.material[triangle][:, None], element.shape)
+        np.testing.assert_array_equal(e.material[element][live], material[live])
+        assert (e.side[element][live] == side).all()
+
+
+def test_cells_are_numbered_without_gaps_and_found_again():
+    for n in (1, 2, 3, 7, 64, 333, 4096):
+        number = np.arange(n * n) if n < 1000 else np.random.default_rng(0).integers(0, n * n, 9999)
+        centres = _cell_centres(number, np.full(len(number), n))
+        assert (centres > 0).all() and (centres.sum(1) < 1).all()
+        if n < 1000:
+            np.testing.assert_array_equal(
+                _cell_of(centres.astype(np.float32), np.full(len(number), n)), number
+            )
+        corners = np.array([[0, 0], [1, 0], [0, 1], [0.5, 0.5], [1.0001, -1e-5], [-1e-6, 1]], np.float32)
+        cell = _cell_of(corners, np.full(len(corners), n)).astype(np.int64)
+        assert (cell >= 0).all() and (cell < n * n).all()
+
+
+def test_lookup_on_a_plane_finds_the_nearest_and_blends_smoothly():
+    scene = make_scene(quad((0, 0, 0), (10, 0, 0), (0, 10, 0)))
+    tracer, e = sample(scene, 1500)
+    lookup = ElementLookup(scene, tracer, e)
+    triangle, bary, point = random_points(scene, 5000)
+    front = np.flatnonzero(e.side > 0)
+    tree = cKDTree(e.position[front])
+    element, weight = lookup.nearest(triangle, bary, np.ones(5000))
+    np.testing.assert_allclose(weight.sum(1), 1, rtol=1e-5)
+    assert (weight >= 0).all()
+    truth = front[tree.query(point, k=4)[1]]
+    assert (element[:, 0] == truth[:, 0]).mean() > 0.999
+    assert (np.sort(element, 1) == np.sort(truth, 1)).all(1).mean() > 0.99
+
+    # Along a line the blend has no jumps: a thousandth of the way changes it by about a thousandth.
+    x = np.linspace(0.5, 9.5, 60001)
+    v = np.full_like(x, 0.0037)
+    line = np.stack([x / 10 - v, v], 1)
+    element, weight = lookup.nearest(np.zeros(len(x), int), line, np.ones(len(x)))
+    value = (np.random.default_rng(0).random(len(e))[element] * weight).sum(1)
+    assert np.abs(np.diff(value)).max() < 0.01
+
+
+def test_blend_weights_at_the_edges():
+    inf = np.inf
+    w = blend_weights(
+        np.array(
+            [[0, 1, 1, 1, 2], [1, 1, 1, 1, 1], [1, inf, inf, inf, inf], [0, inf, inf, inf, inf], [0] * 5]
+        )
+    )
+    np.testing.assert_allclose(w.sum(1), 1, rtol=1e-6)
+    np.testing.assert_allclose(w[0, 0] / w[0, 1], 1 / (1 - 0.25) ** 2, rtol=1e-5)
+    assert w[2, 0] == w[3, 0] == 1
+
+
+def names_only(scene, tracer, elements, allowed, seed=5, n=4000):
+    """Checks that what the look-up names with any weight is `allowed(point, normal, element)`."""
+    lookup = ElementLookup(scene, tracer, elements)
+    triangle, bary, point = random_points(scene, n, seed)
+    for side in (1, -1):
+        element, weight = lookup.nearest(triangle, bary, np.full(n, side))
+        normal = scene.triangles.face_normals[triangle] * side
+        row, column = np.nonzero(weight > 0)
+        ok = allowed(point[row], normal[row], element[row, column])
+        assert ok.all(), f"{(~ok).sum()} of {len(ok)}: from {point[row][~ok][:3]} side {side}"
+
+
+def test_thin_walls_do_not_leak():
+    slab = box((0, 0, 0), (4, 4, 0.001), path="/slab")
+    sheet = quad((0, 0, 1), (4, 0, 0), (0, 4, 0), path="/sheet")
+    back_to_back = quad((0, 0, 1.0005), (0, 4, 0), (4, 0, 0), path="/other")
+    scene = make_scene(slab, sheet, back_to_back)
+    tracer, e = sample(scene, 800)
+    # The slab's rim, a thousandth wide, has no elements of its own.
+    names_only(scene, tracer, e, lambda p, n, k: (np.abs(n[:, 2]) < 0.5) | ((e.normal[k] * n).sum(1) > 0.5))
+
+
+def test_two_rooms_of_one_mesh_do_not_leak_through_their_wall():
+    left = box((-2, 0, 0), (-0.01, 2, 2), inward=True)
+    right = box((0.01, 0, 0), (2, 2, 2), inward=True)
+    both = make_mesh(
+        np.concatenate([left.positions, right.positions]),
+        np.concatenate([left.triangles, right.triangles + 8]),
+    )
+    lights = [lamp(height=1.9, at=(-1, 1)), lamp(height=1.9, at=(1, 1))]
+    scene = make_scene(both, lights=lights)
+    tracer, e = sample(scene, 800)
+    assert (e.side > 0).all()
+    names_only(scene, tracer, e, lambda p, n, k: e.position[k][:, 0] * p[:, 0] > 0)
+
+
+def test_round_surfaces_name_what_is_near():
+    scene = make_scene(sphere(1.0), corrugated())
+    tracer, e = sample(scene, 1000)
+
+    def near(p, n, k):
+        return np.linalg.norm(e.position[k] - p, axis=1) < 3.5 * np.sqrt(e.area[k])
+
+    names_only(scene, tracer, e, near)
+
+
+def test_materials_of_one_gprim_are_kept_apart():
+    sheet = quad((0, 0, 0), (2, 0, 0), (0, 1, 0))
+    wide = quad((2, 0, 0), (2, 0, 0), (0, 1, 0))
+    mesh = make_mesh(
+        np.concatenate([sheet.positions, wide.positions]),
+        np.concatenate([sheet.triangles, wide.triangles + 4]),
+    )
+    mesh = replace(mesh, material_of_triangle=np.array([0, 0, 1, 1], np.int32))
+    scene = make_scene(mesh, materials=[Material("/a"), Material("/b")])
+    tracer, e = sample(scene, 300)
+    names_only(scene, tracer, e, lambda p, n, k: e.material[k] == (p[:, 0] > 2))
+
+
+def test_device_finds_what_the_host_finds():
+    scene = make_scene(sphere(1.0), box((2, 0, 0), (3, 1, 1)), quad((0, 3, 0), (1, 0, 0), (0, 0, 1)))
+    tracer, e = sample(scene, 150)
+    lookup, device, n = ElementLookup(scene, tracer, e), open_device(), 1001
+    triangle, bary, _ = random_points(scene, n)
+    side = np.where(np.arange(n) % 3 == 0, -1, 1)
+    element, weight = lookup.nearest(triangle, bary, side)
+    tables = lookup.upload(device)
+    element_d, weight_d = device.zeros((n, 4), np.int32), device.zeros((n, 4), np.float32)
+    device.kernel("lookup", "nearest")(
+        (1024,),
+        None,
+        np.uint32(n),
+        *(device.upload(x) for x in (triangle.astype(np.int32), bary, (side < 0).astype(np.uint8))),
+        device.upload(scene.triangles.positions),
+        tables.cells_of_triangle_d,
+        tables.entry_of_cell_d,
+        tables.cell_count,
+        tables.elements_of_entry_d,
+        tables.position_d,
+        element_d,
+        weight_d,
+    )
+    assert (weight.sum(1) == 0).any() and (weight.sum(1) > 0.99).any()
+    host, on_device = np.zeros((2, n, len(e)))
+    np.add.at(host, (np.arange(n)[:, None], element), weight)
+    np.add.at(on_device, (np.arange(n)[:, None], device.download(element_d)), device.download(weight_d))
+    assert (np.abs(host - on_device).max(1) < 1e-3).mean() > 0.998
+
+
+def test_tables_stay_small_for_many_triangles():
+    scene = make_scene(corrugated(n=220), quad((0, 5, 0), (1e-4, 0, 0), (100, 0, 0.01)))
+    tracer, e = sample(scene, 100)
+    lookup = ElementLookup(scene, tracer, e)
+    triangles = len(scene.triangles.areas)
+    assert triangles > 90_000
+    assert lookup.nbytes < 16 * triangles + 72 * (2 * 4200 + 30 * len(e))
+
+
+def test_empty_lookup_answers_nothing():
+    scene = make_scene(box())
+    tracer, e = sample(scene, 60)
+    none = type(e)(**{k: v if k == "part_of_triangle" else v[:0] for k, v in vars(e).items()})
+    lookup = ElementLookup(scene, tracer, none)
+    element, weight = lookup.nearest(np.array([0, 5]), np.full((2, 2), 0.2), np.array([1, -1]))
+    assert element.shape == (2, 4) and (weight == 0).all()
