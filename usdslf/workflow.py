@@ -99,12 +99,13 @@ def _metal_candidates(before: SurfaceInputs, d: F64, f0: F64, ior_is_free: bool)
         return np.clip(d / (1 - m_), 0, 1) if m_ < 1 else np.clip(f0, 0, 1)
 
     def from_f0(m_: float) -> F64:
-        return np.clip((f0 / (r2 * (1 - m_) + m_) - (1 - m_)) / m_, 0, 1)
+        k = r2 * (1 - m_) + m_
+        return np.clip((f0 / k - (1 - m_)) / m_, 0, 1)
 
     def ior(m_: float, c_: F64) -> float:
         s = 1 - m_ + m_ * c_
-        k = float(s @ f0 / max(s @ s, 1e-12))
-        reflectance = (k - m_) / (1 - m_) if m_ < 1 else r2
+        k = float(s @ f0) / max(float(s @ s), 1e-12)
+        reflectance = float((k - m_) / (1 - m_)) if m_ < 1 else r2
         return ior_for(reflectance) if -1e-9 < reflectance < 0.999 else np.inf
 
     def inputs(c_: F64, m_: float, ior_: float) -> SurfaceInputs:

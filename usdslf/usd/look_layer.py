@@ -1,0 +1,165 @@
+"""A look layer while it is written: opinions put where they win, also for what lies inside instances.
+
+    LookLayer(stage).place(path) -> Sdf.Path       where an opinion about a composed prim has to be written
+                    .over(path) -> Sdf.PrimSpec    the `over` there
+                    .put(prim, name, type, value)  an attribute opinion
+                    .bind(prim, material)          a binding that replaces the one that shows
+                    .subset(gprim, name, faces)    faces as a GeomSubset for a binding
+
+USD discards overs below an instance.  So an opinion about a prim inside an instance goes to a class at the
+root of the layer that the instance inherits: this instance changes and no other.  Instances inside
+instances get a class each.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from pxr import Sdf, Usd, UsdGeom, UsdShade, Vt
+
+from usdslf.errors import AuthorError
+
+_BINDING = "material:binding"
+_FAMILY = "subsetFamily:materialBind:familyType"
+
+
+class LookLayer:
+    """Opinions on the prims of a shot, in a layer that is in no stage yet."""
+
+    def __init__(self, stage: Usd.Stage) -> None:
+        self.stage = stage
+        self.layer = Sdf.Layer.CreateAnonymous(".usda")
+
+    # ---- places ----------------------------------------------------------------------------
+    def place(self, path: Sdf.Path) -> Sdf.Path:
+        """Returns the path in this layer at which an opinion about a composed prim or property counts."""
+        instance = self._instance_above(path.GetPrimPath())
+        if instance.isEmpty:
+            return path
+        name = "_slf" + "".join(f"_{e}" for e in str(instance).split("/") if e)
+        base = Sdf.Path.absoluteRootPath.AppendChild(name)
+        if not self.layer.GetPrimAtPath(base):
+            Sdf.PrimSpec(self.layer, name, Sdf.SpecifierClass)
+            self.over(instance).inheritPathList.Prepend(base)
+        return path.ReplacePrefix(instance, base)
+
+    def over(self, path: Sdf.Path) -> Sdf.PrimSpec:
+        """Returns the spec for opinions on a composed prim; `over`s where there is none yet."""
+        return Sdf.CreatePrimInLayer(self.layer, self.place(path))
+
+    def define(self, path: Sdf.Path, type_name: str) -> Sdf.PrimSpec:
+        """Returns a new prim that the shot does not have, below composed prims."""
+        spec = self.over(path)
+        spec.specifier, spec.typeName = Sdf.SpecifierDef, type_name
+        return spec
+
+    def free_path(self, path: Sdf.Path) -> Sdf.Path:
+        """Returns `path`, numbered if the shot or this layer has such a prim."""
+        candidate, number = path, 1
+        while self.stage.GetPrimAtPath(candidate) or self.layer.GetPrimAtPath(candidate):
+            number += 1
+            candidate = path.ReplaceName(f"{path.name}_{number}")
+        return candidate
+
+    def _instance_above(self, path: Sdf.Path) -> Sdf.Path:
+        for ancestor in reversed(path.GetPrefixes()[:-1]):
+            prim = self.stage.GetPrimAtPath(ancestor)
+            if prim and prim.IsInstance():
+                return ancestor
+        return Sdf.Path.emptyPath
+
+    # ---- opinions --------------------------------------------------------------------------
+    def put(self, prim: Sdf.PrimSpec, name: str, kind: Sdf.ValueTypeName, value: Any) -> Sdf.AttributeSpec:
+        """Writes the default value of an attribute."""
+        spec = prim.attributes.get(name) or Sdf.AttributeSpec(prim, name, kind, declaresCustom=False)
+        spec.default = value
+        return spec
+
+    def bind(self, target: Sdf.Path, relationship: str, material: Sdf.Path) -> None:
+        """Binds a material to a gprim or GeomSubset by the relationship whose binding shows there."""
+        spec = self.over(target)
+        spec.SetInfo("apiSchemas", Sdf.TokenListOp.Create(prependedItems=["MaterialBindingAPI"]))
+        rel = spec.relationships.get(relationship) or Sdf.RelationshipSpec(spec, relationship, custom=False)
+        rel.targetPathList.ClearEditsAndMakeExplicit()
+        rel.targetPathList.explicitItems = [material]
+
+    def subset(self, mesh: Usd.Prim, name: str, faces: np.ndarray, material: Sdf.Path) -> list[Sdf.Path]:
+        """Makes GeomSubsets of the painted faces that show a material now; returns their paths.
+
+        Faces are taken out of the GeomSubset that binds them now: families of bindings must not overlap.
+        """
+        new = []
+        taken = np.zeros(0, np.int64)
+        for old in UsdShade.MaterialBindingAPI(mesh).GetMaterialBindSubsets():
+            indices = np.asarray(old.GetIndicesAttr().Get() or [], np.int64)
+            taken = np.union1d(taken, indices)
+            inside = np.isin(indices, faces)
+            if bound_relationship(old.GetPrim())[0] != material or not inside.any():
+                continue
+            kept = Vt.IntArray.FromNumpy(indices[~inside].astype(np.int32))
+            self.put(self.over(old.GetPath()), "indices", Sdf.ValueTypeNames.IntArray, kept)
+            new.append(self._subset(mesh, f"{name}_{old.GetPrim().GetName()}", indices[inside]))
+        free = np.setdiff1d(faces, taken)
+        if len(free) and bound_relationship(mesh)[0] == material:
+            new.append(self._subset(mesh, name, free))
+        family = mesh.GetAttribute(_FAMILY)
+        if new and (not family or family.Get() not in ("partition", "nonOverlapping")):
+            over = self.over(mesh.GetPath())
+            token = Sdf.AttributeSpec(over, _FAMILY, Sdf.ValueTypeNames.Token, Sdf.VariabilityUniform)
+            token.default = "nonOverlapping"
+        return new
+
+    def _subset(self, mesh: Usd.Prim, name: str, faces: np.ndarray) -> Sdf.Path:
+        path = self.free_path(mesh.GetPath().AppendChild(name))
+        spec = self.define(path, "GeomSubset")
+        names, uniform = Sdf.ValueTypeNames, Sdf.VariabilityUniform
+        for attribute, token in (("elementType", "face"), ("familyName", "materialBind")):
+            Sdf.AttributeSpec(spec, attribute, names.Token, uniform).default = token
+        self.put(spec, "indices", names.IntArray, Vt.IntArray.FromNumpy(np.sort(faces).astype(np.int32)))
+        return path
+
+
+def bound_relationship(prim: Usd.Prim) -> tuple[Sdf.Path, str]:
+    """Returns the material that shows on a prim and the relationship that a binding has to use to replace it.
+
+    Purpose preview, else all-purpose, else full, as the scene is read.
+    """
+    api = UsdShade.MaterialBindingAPI(prim)
+    for purpose in (UsdShade.Tokens.preview, UsdShade.Tokens.full):
+        material, relationship = api.ComputeBoundMaterial(purpose)
+        if material and (purpose == UsdShade.Tokens.full or preview_surface(material)):
+            kinds = relationship.GetName().split(":")
+            used = next((p for p in ("preview", "full") if p in kinds[2:]), "")
+            return material.GetPath(), f"{_BINDING}:{used}" if used else _BINDING
+    material = api.ComputeBoundMaterial(UsdShade.Tokens.preview)[0]
+    return (material.GetPath() if material else Sdf.Path.emptyPath), _BINDING
+
+
+def preview_surface(material: UsdShade.Material) -> UsdShade.Shader | None:
+    """Returns the UsdPreviewSurface of a material: of the universal context, else of any."""
+    contexts = [o.GetBaseName().rpartition(":")[0] for o in material.GetSurfaceOutputs()]
+    for context in ["", *(c for c in contexts if c)]:
+        shader = material.ComputeSurfaceSource(context)[0]
+        if shader and shader.GetIdAttr().Get() == "UsdPreviewSurface":
+            return shader
+    return None
+
+
+def users_of(stage: Usd.Stage, material: Sdf.Path) -> list[Usd.Prim]:
+    """Returns the gprims and GeomSubsets that show a material; instance proxies too."""
+    found = []
+    for prim in Usd.PrimRange(stage.GetPseudoRoot(), Usd.TraverseInstanceProxies()):
+        if prim.IsA(UsdGeom.Gprim):
+            subsets = [s.GetPrim() for s in UsdShade.MaterialBindingAPI(prim).GetMaterialBindSubsets()]
+            found += [p for p in (prim, *subsets) if bound_relationship(p)[0] == material]
+    return found
+
+
+def shader_of(stage: Usd.Stage, material: Sdf.Path) -> UsdShade.Shader:
+    """Returns the UsdPreviewSurface of the Material at a path."""
+    prim = stage.GetPrimAtPath(material)
+    shader = preview_surface(UsdShade.Material(prim)) if prim and prim.IsA(UsdShade.Material) else None
+    if shader is None:
+        raise AuthorError(f"{material} has no UsdPreviewSurface to edit: bind one to what was painted.")
+    return shader
