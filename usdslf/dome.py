@@ -137,7 +137,6 @@ class Dome:
         solid = 2 * np.pi * np.outer(-np.diff(self._sine_edges), np.diff(self._column_edges))
         total = energy.sum()
         share = energy / total if total > 0 else solid / (4 * np.pi)
-        self.luminous_energy = float(total * 2 * np.pi / width)  # integral of luminance over the sphere
         self._density: F64 = share / solid
         rows = share.sum(1)
         self._row_cdf = np.concatenate([[0], np.cumsum(rows)])
@@ -163,9 +162,7 @@ class Dome:
         column = np.clip(at - row * (w + 1), 0, w - 1)
         sine = self._sine_edges[row] + v * (self._sine_edges[row + 1] - self._sine_edges[row])
         edge = self._column_edges
-        longitude = np.pi * (1 - 2 * (edge[column] + s * (edge[column + 1] - edge[column])))
-        cosine = np.sqrt(np.maximum(1 - sine * sine, 0))
-        local = np.stack([cosine * np.sin(longitude), sine, cosine * np.cos(longitude)], 1)
+        local = _direction(sine, edge[column] + s * (edge[column + 1] - edge[column]))
         world = (local @ self.world_from_light.T).astype(np.float32)
         return world, self.radiance(world), self._density[row, column].astype(np.float32)
 
@@ -178,7 +175,7 @@ class Dome:
         column = np.searchsorted(self._column_edges, share, "right") - 1
         return self._density[np.clip(row, 0, h - 1), np.clip(column, 0, w - 1)].astype(np.float32)
 
-    def without_peaks(self, solid_angle: float = 0.1, share: float = 0.01) -> tuple[Dome, Dome | None]:
+    def without_peaks(self, solid_angle: float = 0.1, share: float = 0.01) -> tuple[Dome, Peaks | None]:
         """Splits off small bright places (a sun), which have to be drawn rather than filtered.
 
         Args:
@@ -186,23 +183,58 @@ class Dome:
             share: of the energy, below which nothing is split off.
 
         Returns:
-            the dome with its brightest places cut down, and a dome that holds only what was cut off.
+            the dome with its brightest places cut down, and what was cut off.
         """
         height, width = self.pixels.shape[:2]
         if height * width == 1:
             return self, None
         luminance = self.pixels @ LUMINANCE.astype(np.float32)
         sines = np.sin(np.pi * (0.5 - np.arange(height + 1) / height))
-        solid = np.broadcast_to(((sines[:-1] - sines[1:]) * 2 * np.pi / width)[:, None], (height, width))
+        solid = np.broadcast_to(-np.diff(sines)[:, None] * (2 * np.pi / width), (height, width))
         mean = (luminance * solid).sum() / (4 * np.pi)
         order = np.argsort(luminance, axis=None)[::-1]
         filled = np.cumsum(solid.ravel()[order])
         cut = max(8 * mean, float(luminance.ravel()[order[np.searchsorted(filled, solid_angle)]]))
-        over = np.maximum(1 - cut / np.maximum(luminance, 1e-30), 0)
-        if (luminance * over * solid).sum() <= share * mean * 4 * np.pi:
+        over = np.maximum(1 - cut / np.maximum(luminance, 1e-30), 0)[..., None]
+        if (luminance * over[..., 0] * solid).sum() <= share * mean * 4 * np.pi:
             return self, None
         plain = replace(self.light, radiance=(1.0, 1.0, 1.0))
-        return Dome(plain, self.pixels * (1 - over)[..., None]), Dome(plain, self.pixels * over[..., None])
+        cells = np.stack([_mean_of_bilinear(c) for c in np.moveaxis(self.pixels * over, -1, 0)], -1)
+        return Dome(plain, self.pixels * (1 - over)), Peaks(cells, sines, self.world_from_light)
+
+
+class Peaks:
+    """Few bright cells of a dome, each of even radiance, drawn by their luminous energy."""
+
+    def __init__(self, cells: NDArray, sines: F64, world_from_light: F64) -> None:
+        """Collects the cells that are not black.
+
+        Args:
+            cells: latlong radiance (H, W, 3).
+            sines: (H + 1,) of the latitudes between the rows.
+            world_from_light: (3, 3).
+        """
+        width = cells.shape[1]
+        row, column = np.nonzero(cells.any(-1))
+        assert len(row)
+        self._world_from_light, self._width = world_from_light, width
+        self._sines = np.stack([sines[row], sines[row + 1]])
+        self._column = column
+        self._radiance = cells[row, column].astype(np.float32)
+        solid = (self._sines[0] - self._sines[1]) * 2 * np.pi / width
+        energy = self._radiance.astype(np.float64) @ LUMINANCE * solid
+        self.irradiance: F64 = (self._radiance.astype(np.float64) * solid[:, None]).sum(0)  # (3,) facing it
+        self._cdf = np.concatenate([[0], np.cumsum(energy)]) / energy.sum()
+        self._cdf[-1] = 1
+        self._density = energy / energy.sum() / solid
+
+    def sample(self, u: NDArray) -> tuple[F32, F32, F32]:
+        """Draws directions: as `Dome.sample`."""
+        cell, s = _invert(self._cdf, np.asarray(u, np.float64)[:, 0])
+        sine = self._sines[0, cell] + u[:, 1] * (self._sines[1, cell] - self._sines[0, cell])
+        local = _direction(sine, (self._column[cell] + s) / self._width)
+        world = (local @ self._world_from_light.T).astype(np.float32)
+        return world, self._radiance[cell], self._density[cell].astype(np.float32)
 
 
 # ── latlong ──────────────────────────────────────────────────────────────────────────────────────
@@ -217,6 +249,13 @@ def _latlong_cells(rows: NDArray, height: int, width: int) -> tuple[F32, F64]:
     # sin(top) - sin(bottom) = 2 cos(middle) sin(half a row)
     solid = 2 * np.cos(latitude) * np.sin(np.pi / (2 * height)) * (2 * np.pi / width)
     return local.reshape(-1, 3).astype(np.float32), np.repeat(solid, width)
+
+
+def _direction(sine: F64, share: F64) -> F64:
+    """Local directions (n, 3) from the sine of the latitude and the share of the picture's width."""
+    longitude = np.pi * (1 - 2 * share)
+    cosine = np.sqrt(np.maximum(1 - sine * sine, 0))
+    return np.stack([cosine * np.sin(longitude), sine, cosine * np.cos(longitude)], 1)
 
 
 def _bilinear_latlong(pixels: F32, local: NDArray) -> F32:

@@ -8,14 +8,22 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from usdslf import light_shapes as shapes
-from usdslf.directions import SIDE, SOLID_ANGLE, D, bin_directions, square_from_hemisphere
-from usdslf.dome import Dome, table_index
+from usdslf.directions import (
+    SIDE,
+    SOLID_ANGLE,
+    D,
+    bin_directions,
+    hemisphere_from_square,
+    square_from_hemisphere,
+)
+from usdslf.dome import Dome, Peaks, table_index
 from usdslf.light_sampling import LightHit, LightSample, intersect_light, is_delta, sample_light
 from usdslf.low_discrepancy import random_shifts, sobol_points
 from usdslf.scene import F32, Light, Scene
@@ -37,13 +45,23 @@ __all__ = [
 
 FEW, MANY = 16, 64  # samples of a light for each element
 LARGE = 0.05  # solid angle [sr], about 8 bins, above which a light gets MANY samples
+HUGE = 0.8  # solid angle [sr], about 130 bins, above which it gets a ray for each bin instead
 WIDE = np.radians(40.0)  # a distant light's angle above which it is filtered like a dome
 BATCH = 1024  # elements at a time of a light
 STEP = 128  # elements at a time of a dome: their arrays stay in the second-level cache
 
-Draw = Callable[[NDArray, NDArray], LightSample]
-"""points (n, 3), u (n, 2) -> samples."""
-_Read = Callable[[slice], F32]
+_Draw = Callable[[NDArray, NDArray], LightSample]  # points (n, 3), u (n, 2) -> samples
+_Meet = Callable[[NDArray, NDArray], LightHit]  # points (n, 3), directions (n, 3) -> hits
+_Read = Callable[[slice], F32]  # elements -> radiance of their bins (n D, 3)
+
+
+class _Source(NamedTuple):
+    """A light that is drawn."""
+
+    light: Light
+    draw: _Draw
+    meet: _Meet | None  # None: it is never huge
+    is_delta: bool
 
 
 class StaticLight(NamedTuple):
@@ -62,10 +80,11 @@ def static_light(
 ) -> StaticLight:
     """Collects the light of all UsdLux lights at the elements, tested for occlusion.
 
-    Lights are drawn with shadow rays, FEW or (where they are large or partly hidden) MANY for each element.
-    A sample adds its share of the irradiance to the bin that it falls into, so that the sum over the bins of
-    L cos 2 pi / D is the irradiance whatever the size of the light.  Domes are read filtered to a bin where
-    its ray escapes; small bright places in them (a sun) are drawn like lights.
+    Lights are drawn with shadow rays, FEW or (where they are large or partly hidden) MANY for each element,
+    or met by a ray through each bin where they are huge.  A sample adds its share of the irradiance to the
+    bin that it falls into, so that the sum over the bins of L cos 2 pi / D is the irradiance whatever the
+    size of the light.  Domes are read filtered to a bin where its ray escapes; small bright places in them (a
+    sun) are drawn like lights.
 
     Args:
         elements: N of them; position, geometric_normal, triangle and frame are used.
@@ -77,8 +96,8 @@ def static_light(
     rng = np.random.default_rng(seed)
     domes, drawn = _sources(lights)
     n = len(elements.position)
-    factors = [light for light, _ in [*domes, *drawn]]
-    is_split = any(light.diffuse != light.specular for light in factors)
+    used = [*(light for light, _ in domes), *(source.light for source in drawn)]
+    is_split = any(light.diffuse != light.specular for light in used)
     diffuse = np.zeros((n, D, 3), np.float32)
     specular = np.zeros((n, D, 3), np.float32) if is_split else None
 
@@ -97,25 +116,22 @@ def static_light(
                 add(slice(rows.start * D, rows.stop * D), read(rows), light)
 
             list(pool.map(add_dome, range(0, n, STEP)))
-        for light, draw in drawn:
+        for source in drawn:
             shifts = random_shifts(n, rng)
 
-            def add_drawn(
-                first: int, light: Light = light, draw: Draw = draw, shifts: NDArray = shifts
-            ) -> None:
+            def add_drawn(first: int, source: _Source = source, shifts: NDArray = shifts) -> None:
                 rows = slice(first, min(first + BATCH, n))
-                frames = elements.frame[rows]
-                at, value = _drawn_light(draw, origins[rows], frames, shifts[rows], tracer, is_delta(light))
-                add(at + first * D, value, light)
+                at, value = _drawn_light(source, origins[rows], elements.frame[rows], shifts[rows], tracer)
+                add(at + first * D, value, source.light)
 
             list(pool.map(add_drawn, range(0, n, BATCH)))
     return StaticLight(diffuse, specular)
 
 
-def _sources(lights: Sequence[Light | Dome]) -> tuple[list[tuple[Light, Dome]], list[tuple[Light, Draw]]]:
+def _sources(lights: Sequence[Light | Dome]) -> tuple[list[tuple[Light, Dome]], list[_Source]]:
     """Sorts lights into what is filtered and what is drawn."""
     domes: list[tuple[Light, Dome]] = []
-    drawn: list[tuple[Light, Draw]] = []
+    drawn: list[_Source] = []
     for entry in lights:
         light = entry.light if isinstance(entry, Dome) else entry
         if not any(light.radiance) or light.diffuse == light.specular == 0:
@@ -124,20 +140,21 @@ def _sources(lights: Sequence[Light | Dome]) -> tuple[list[tuple[Light, Dome]], 
             smooth, peaks = (entry if isinstance(entry, Dome) else Dome.from_light(light)).without_peaks()
             domes.append((light, smooth))
             if peaks is not None:
-                drawn.append((light, _draw_dome(peaks)))
+                drawn.append(_source_of_peaks(light, peaks))
         elif light.kind == "distant" and light.angle > WIDE:
             domes.append((light, _dome_of_distant(light)))
         else:
-            drawn.append((light, lambda p, u, light=light: sample_light(light, p, u)))  # type: ignore[misc]
+            meet = partial(intersect_light, light)
+            drawn.append(_Source(light, partial(sample_light, light), meet, is_delta(light)))
     return domes, drawn
 
 
-def _draw_dome(dome: Dome) -> Draw:
+def _source_of_peaks(light: Light, peaks: Peaks) -> _Source:
     def draw(points: NDArray, u: NDArray) -> LightSample:
-        direction, radiance, pdf = dome.sample(u)
+        direction, radiance, pdf = peaks.sample(u)
         return LightSample(direction, np.full(len(u), np.inf, np.float32), radiance, pdf)
 
-    return draw
+    return _Source(light, draw, None, False)
 
 
 def _dome_of_distant(light: Light, rows: int = 128) -> Dome:
@@ -172,26 +189,54 @@ def _reader(elements: Elements, dome: Dome, visibility: Visibility | None) -> _R
 
 
 def _drawn_light(
-    draw: Draw, origins: F32, frames: F32, shifts: NDArray[np.uint32], tracer: RayTracer, one: bool
+    source: _Source, origins: F32, frames: F32, shifts: NDArray[np.uint32], tracer: RayTracer
 ) -> tuple[NDArray[np.int64], F32]:
     """Draws one light from n elements: distinct entries of (n D, 3), and what to add there."""
     n = len(origins)
-    if one:
+    draw = source.draw
+    if source.is_delta:
         s = _draw_samples(draw, origins, frames, np.full((n, 1, 2), 0.5), tracer)
         return _binned(s.row, s.square, s.share, np.zeros(n))
     few = _draw_samples(draw, origins, frames, sobol_points(0, FEW, shifts), tracer)
-    more = np.flatnonzero(few.is_partly_lit | (few.is_lit & (few.solid_angle > LARGE)))
-    points = sobol_points(FEW, MANY, shifts[more])
-    rest = _draw_samples(draw, origins[more], frames[more], points, tracer)
+    is_huge = few.is_lit & (few.solid_angle > HUGE) & (source.meet is not None)
+    is_more = few.is_partly_lit | (few.is_lit & (few.solid_angle > LARGE))
+    more, huge = np.flatnonzero(is_more & ~is_huge), np.flatnonzero(is_huge)
+    rest = _draw_samples(draw, origins[more], frames[more], sobol_points(FEW, MANY, shifts[more]), tracer)
 
     # Means over FEW become means over MANY; a sample stands for its part of the light's solid angle.
-    scale, spread = np.ones(n, np.float32), np.zeros(n)
+    scale, spread = np.where(is_huge, np.float32(0), np.float32(1)), np.zeros(n)
     scale[more] = FEW / MANY
     spread[more] = np.sqrt(2 * few.solid_angle[more] / (MANY * SOLID_ANGLE))
-    share = np.concatenate([few.share * scale[few.row, None], rest.share * np.float32(1 - FEW / MANY)])
-    return _binned(
-        np.concatenate([few.row, more[rest.row]]), np.concatenate([few.square, rest.square]), share, spread
+    kept = np.flatnonzero(scale[few.row])
+    row = np.concatenate([few.row[kept], more[rest.row]])
+    square = np.concatenate([few.square[kept], rest.square])
+    share = np.concatenate(
+        [few.share[kept] * scale[few.row[kept], None], rest.share * np.float32(1 - FEW / MANY)]
     )
+    entry, value = _binned(row, square, share, spread)
+    if source.meet is None or not len(huge):
+        return entry, value
+    at, met = _met_light(source.meet, origins[huge], frames[huge], shifts[huge], tracer)
+    return np.concatenate([entry, huge[at // D] * D + at % D]), np.concatenate([value, met])
+
+
+def _met_light(
+    meet: _Meet, origins: F32, frames: F32, shifts: NDArray[np.uint32], tracer: RayTracer
+) -> tuple[NDArray[np.int64], F32]:
+    """Meets one light by a ray through a random place of each bin of n elements; as `_drawn_light`."""
+    n = len(origins)
+    # Places of neighbouring bins differ as much as they can: Roberts' R2 sequence.
+    step = np.arange(D)[:, None] * np.array([0.7548776662466927, 0.5698402909980532])
+    place = np.modf(step + shifts[:, None] * 2.0**-32)[0]
+    iy, ix = np.divmod(np.arange(D), SIDE)
+    local = hemisphere_from_square((np.stack([ix, iy], -1) + place) * (2 / SIDE) - 1).astype(np.float32)
+    towards = (local @ frames).reshape(-1, 3)
+    start = np.repeat(origins, D, 0)
+    hit = meet(start, towards)
+    at = np.flatnonzero((hit.radiance > 0).any(1))
+    at = at[~tracer.occluded(start[at], towards[at], hit.distance[at] * np.float32(1 - 1e-4))]
+    cos = local.reshape(n * D, 3)[at, 2] / bin_directions()[at % D, 2].astype(np.float32)
+    return at, hit.radiance[at] * cos[:, None]
 
 
 class _Samples(NamedTuple):
@@ -205,7 +250,7 @@ class _Samples(NamedTuple):
     is_partly_lit: NDArray[np.bool_]  # (n,) something of the light is hidden or below the horizon
 
 
-def _draw_samples(draw: Draw, origins: F32, frames: F32, u: NDArray, tracer: RayTracer) -> _Samples:
+def _draw_samples(draw: _Draw, origins: F32, frames: F32, u: NDArray, tracer: RayTracer) -> _Samples:
     n, k = u.shape[:2]
     start = np.repeat(origins, k, 0)
     s = draw(start, u.reshape(-1, 2))
