@@ -6,15 +6,25 @@ line, and a traceback only with --debug.
 
 from __future__ import annotations
 
+import json
+import math
 import sys
 import traceback
 from dataclasses import dataclass
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import click
+import numpy as np
 
 import usdslf
-from usdslf.errors import InputError, UsdslfError
+from usdslf.errors import AuthorError, InputError, UsdslfError
+from usdslf.options import Choose, Color3, Path2D, Size
+from usdslf.strokes import MODES, NORMS, SCOPES, SPACES, TOOLS
+from usdslf.terminal import progress, warn
+
+if TYPE_CHECKING:
+    from usdslf.session import Say, Session
 
 
 @dataclass
@@ -47,11 +57,26 @@ def _everywhere() -> list[click.Option]:
 
 
 class Command(click.Command):
-    """A sub-command that also takes the options of the program."""
+    """A sub-command that also takes the options of the program, and `--aov a b` for `--aov a --aov b`."""
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
         self.params.extend(_everywhere())
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        """Repeats an option before each of its values, which have no dot or slash as a stage's name has."""
+        several = {o for p in self.params if str(p.metavar or "").endswith("...") for o in p.opts}
+        spread: list[str] = []
+        option = ""
+        for i, arg in enumerate(args):
+            if arg.startswith("-"):
+                option = arg if arg in several else ""
+            elif option and args[i - 1] != option and arg.isidentifier():
+                spread.append(option)
+            else:
+                option = option if i and args[i - 1] == option else ""
+            spread.append(arg)
+        return super().parse_args(ctx, spread)
 
 
 class Program(click.Group):
@@ -71,6 +96,196 @@ settings = click.make_pass_decorator(Settings, ensure=True)
 @click.version_option(usdslf.__version__, prog_name="usdslf")
 def program() -> None:
     """Paint how a surface should look; get the material change that explains it, as a USD layer."""
+
+
+def _frame_options(command: Any) -> Any:
+    """Adds --frame and --refine, which every sub-command has that reads a stage."""
+    command = click.option(
+        "--refine", type=click.IntRange(0, 4), default=1, help="Levels of subdivision of cages; default 1."
+    )(command)
+    return click.option(
+        "--frame", type=float, metavar="F", callback=_finite, help="Time code; default: the stage's start."
+    )(command)
+
+
+def _finite(context: click.Context, option: click.Parameter, value: float | None) -> float | None:
+    if value is not None and not math.isfinite(value):
+        raise click.BadParameter(f"{value} is no finite number", context, option)
+    return value
+
+
+def _open(options: Settings, stage: Any, frame: float | None, say: Say | None, **more: Any) -> Session:
+    return usdslf.open(stage, frame=frame, device=options.device, ocio=options.ocio, say=say, **more)
+
+
+def _print_json(values: Any) -> None:
+    click.echo(json.dumps(values, indent=2, allow_nan=False))
+
+
+@program.command()
+@click.argument("stage")
+@_frame_options
+@click.option("--json", "as_json", is_flag=True, help="JSON instead of text.")
+@settings
+def info(options: Settings, stage: str, frame: float | None, refine: int, as_json: bool) -> None:
+    """What a stage holds: meshes, materials, lights, cameras, warnings."""
+    from usdslf.info import as_text, describe
+
+    with progress(options.quiet) as say:
+        scene = _open(options, stage, frame, say, refine=refine).scene
+    found = describe(scene)
+    if as_json:
+        _print_json(found)
+    else:
+        click.echo("\n".join(as_text(found)))
+
+
+@program.command()
+@click.argument("stage")
+@click.option("-o", "output", required=True, metavar="OUT.exr|png", help="EXR: scene-linear. PNG: displayed.")
+@click.option("--camera", metavar="PRIM", help="Default: the first one, or one that sees everything.")
+@click.option("--size", type=Size(), default=(960, 540), show_default="960x540")
+@click.option("--edits", metavar="LOOK", help="A look layer to put over the stage.")
+@click.option("--aov", "aovs", multiple=True, metavar="NAME ...", help="More layers of an EXR, e.g. albedo.")
+@click.option("--samples", type=click.IntRange(1, 4096), default=16, show_default=True, help="Rays a pixel.")
+@click.option("--elements", type=int, default=10000, show_default=True, help="Surface elements.")
+@click.option("--bounces", type=int, default=8, show_default=True, help="Most bounces of light.")
+@_frame_options
+@settings
+def render(
+    options: Settings, stage: str, output: str, camera: str | None, size: tuple[int, int], edits: str | None,
+    aovs: tuple[str, ...], samples: int, elements: int, bounces: int, frame: float | None, refine: int,
+) -> None:  # fmt: skip
+    """A picture of direct and indirect light."""
+    from usdslf.outputs import check_picture, write_picture
+    from usdslf.usd.edited import open_edited
+
+    check_picture(output, aovs)
+    with progress(options.quiet) as say:
+        shot = open_edited(stage, edits) if edits else stage
+        session = _open(options, shot, frame, say, refine=refine, elements=elements, bounces=bounces)
+        pictures = session.render(camera, size, aovs, samples=samples)
+    write_picture(output, pictures, session.scene, aovs)
+    warn(session.warnings, options.quiet)
+    click.echo(output)
+
+
+@program.command()
+@click.argument("stage")
+@click.argument("strokes")
+@click.option("--camera", required=True, metavar="PRIM", help="What the stroke is painted on the picture of.")
+@click.option("--path", "paths", multiple=True, required=True, type=Path2D(),
+              help="0..1 of the picture from its top left; again for a lifted pen; one point is a dab.")
+@click.option("--radius", type=float, default=0.01, show_default=True, help="Brush, in picture heights.")
+@click.option("--color", type=Color3(), help="Scene-linear in the working space, unless --color-space.")
+@click.option("--image", metavar="FILE", help="Picture of the camera that points take their colours from.")
+@click.option("--color-space", metavar="NAME", help="OpenColorIO space of --color or --image, or: display.")
+@click.option("--space", type=click.Choice(SPACES), default="scene", show_default=True,
+              help="What the colour means: radiance as seen, or an albedo.")
+@click.option("--tool", type=click.Choice(TOOLS), default="replace", show_default=True)
+@click.option("--mode", type=click.Choice(MODES), default="direct", show_default=True)
+@click.option("--strength", type=float, default=1.0, show_default=True, help="0..1")
+@click.option("--norm", type=click.Choice(NORMS), default="mixed", show_default=True)
+@click.option("--scope", type=click.Choice(SCOPES), default="material", show_default=True)
+@click.option("--size", type=Size(), help="Of the picture that was painted on, where it is not as the film.")
+@_frame_options
+@settings
+def stroke(
+    options: Settings, stage: str, strokes: str, camera: str, paths: tuple[list[list[float]], ...],
+    radius: float, color: list[float] | None, image: str | None, color_space: str | None,
+    size: tuple[int, int] | None, frame: float | None, refine: int, **brush: Any,
+) -> None:  # fmt: skip
+    """Paint a stroke into a stroke layer; prints the path of its prim."""
+    from usdslf.picked_color import paint_color, paint_image
+    from usdslf.usd.stroke_layer import read_strokes, write_strokes
+
+    if (color is None) == (image is None):
+        raise click.UsageError("give one of --color and --image")
+    session = _open(options, stage, frame, None, refine=refine)
+    heard: list[str] = []
+    earlier = read_strokes(strokes, heard) if Path(strokes).exists() else []
+    one = paint_color(color, color_space, session.scene, heard) if color else np.ones(3, np.float32)
+    many = paint_image(image, color_space, session.scene, heard) if image else None
+    numbers = [int(s.name[7:]) for s in earlier if s.name.startswith("stroke_") and s.name[7:].isdigit()]
+    made = usdslf.paint_stroke(
+        session.scene, session.tracer, session.camera(camera), paths, radius, one, many,
+        aspect=size[0] / size[1] if size else None, name=f"stroke_{max(numbers, default=0) + 1:04d}", **brush,
+    )  # fmt: skip
+    write_strokes(strokes, [*earlier, made], session.stage)
+    warn([*session.warnings, *heard], options.quiet)
+    click.echo(made.path)
+
+
+@program.command()
+@click.argument("stage")
+@click.argument("strokes")
+@click.option("-o", "output", required=True, metavar="LOOK", help="The look layer to write.")
+@click.option("--report", metavar="R.json", help="Also write what was inferred, with alternatives, as JSON.")
+@click.option("--review-root", metavar="REVIEW.usda", help="Also write a root over look, strokes and shot.")
+@click.option("--elements", type=int, default=10000, show_default=True, help="Surface elements.")
+@click.option("--directions", type=int, default=1024, show_default=True, help="Of each element; 1024.")
+@click.option("--bounces", type=int, default=8, show_default=True, help="Most bounces of light.")
+@click.option("--norm", type=click.Choice(NORMS), help="For all strokes; default: each stroke's own.")
+@click.option("--choose", type=Choose(), multiple=True, help="Take an alternative of the report.")
+@_frame_options
+@settings
+def solve(
+    options: Settings, stage: str, strokes: str, output: str, report: str | None, review_root: str | None,
+    elements: int, directions: int, bounces: int, norm: str | None, choose: tuple[tuple[str, str], ...],
+    frame: float | None, refine: int,
+) -> None:  # fmt: skip
+    """Find the smallest material change that explains the strokes, and write it as a look layer."""
+    from usdslf.outputs import check_place, write_json
+    from usdslf.report import lines_of_report
+    from usdslf.usd.stroke_layer import read_strokes
+
+    if directions != 1024:
+        raise click.UsageError(f"--directions {directions} is not possible; the kernels have 1024")
+    for place in filter(None, (output, review_root)):
+        check_place(place, AuthorError)
+    if report:
+        check_place(report)
+    with progress(options.quiet) as say:
+        session = _open(options, stage, frame, say, refine=refine, elements=elements, bounces=bounces)
+        for each in read_strokes(strokes, session.warnings):
+            session.add_stroke(each)
+        session.solve(norm, dict(choose))
+        session.author(output, strokes_path=strokes, review_root=review_root)
+    found = session.report()
+    if report:
+        write_json(report, found)
+    warn(session.warnings, options.quiet)
+    click.echo("\n".join([*lines_of_report(found), output]))
+
+
+@program.command()
+@click.argument("names", nargs=-1, metavar="[NAME ...]")
+@click.option("--all", "all_names", is_flag=True, help="Every shipped scene.")
+@click.option("-o", "output", default="usdslf-demo", show_default=True, metavar="DIR")
+@settings
+def demo(options: Settings, names: tuple[str, ...], all_names: bool, output: str) -> None:
+    """A shipped scene with scripted strokes: look layer, report, before and after pictures."""
+    from usdslf.demo import run_demos
+
+    with progress(options.quiet) as say:
+        lines = run_demos(names, all_names, output, options.device, options.ocio, say)
+    click.echo("\n".join(lines))
+
+
+@program.command()
+@click.option("--json", "as_json", is_flag=True, help="JSON instead of a table.")
+@click.option("--elements", type=int, default=10000, show_default=True, help="Surface elements.")
+@settings
+def bench(options: Settings, as_json: bool, elements: int) -> None:
+    """Time of each step beside the measured limits of this machine."""
+    from usdslf.bench import lines_of_table, measure
+
+    with progress(options.quiet) as say:
+        found = measure(options.device, options.ocio, elements, say)
+    if as_json:
+        _print_json(found)
+    else:
+        click.echo("\n".join(lines_of_table(found)))
 
 
 @program.command()

@@ -1,0 +1,179 @@
+"""Bench: time of each step beside what the machine can do at most, in the same run.
+
+Limits: embreex's own run() on the same rays for visibility, a copy kernel over the same bytes for a bounce.
+Paper: Nguyen et al. 2013, table of section 7, 10000 elements on a GPU of 2012.
+"""
+
+from __future__ import annotations
+
+import resource
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from usdslf.demo import CAMERA, STROKES, paint_script, write_demo_shot
+from usdslf.directions import D, bin_directions
+from usdslf.gpu.device import Device
+from usdslf.session import Session
+from usdslf.visibility import outgoing_directions, trace_visibility
+
+if TYPE_CHECKING:
+    from usdslf.session import Say
+
+SIZE = (900, 450)  # of the paper's pictures
+BLOCK = 64  # elements in a run of the ray limit
+RAY_SHARE = 8  # the ray limit is measured on every eighth block
+BYTES_OF_LINK = 4 + 12 + 12 + 12  # a bounce reads link, fixed and outgoing light, and writes outgoing light
+REPEATS = 3
+
+Row = dict[str, Any]
+
+
+def measure(device: str | None, ocio: str | None, elements: int, say: Say) -> dict[str, Any]:
+    """Runs the demo's flow once, cold, and the steps that have a limit again, warm.
+
+    Returns: device, elements, directions, rows (as DESIGN's bench table), total_seconds from an empty
+    session to the look layer, memory_bytes (peak of this process).
+    """
+    with tempfile.TemporaryDirectory(prefix="usdslf_bench_") as name:
+        folder = Path(name)
+        shot = write_demo_shot(folder)
+        began = time.perf_counter()
+        session = Session(str(shot), device=device, ocio=ocio, elements=elements, say=say)
+        for number, script in enumerate(STROKES):
+            session.add_stroke(paint_script(session, script, number))
+        session.solve()
+        session.author(folder / "look.usda")
+        total = time.perf_counter() - began
+        cold = dict(session.seconds)
+        session.render(CAMERA, SIZE)
+    picture = session.seconds["render"]
+    n = len(session.elements)
+    links, field = n * D, n * D * 12
+    rows = [
+        _row("read", cold["read"]),
+        _row("elements", cold["elements"]),
+        _row("visibility", *_visibility(session), size=links * 4, paper=870),
+        _row("static light", cold["light"], size=field),
+        _row("light field, all bounces", cold["light field"], size=2 * field),
+        _row("one bounce", *_bounce(session), size=links * BYTES_OF_LINK, paper=138),
+        _row("evidence of the strokes", cold["evidence"], paper=50),
+        _row("solve, all bounces", cold["solve"], paper=270),
+        _row(f"picture {SIZE[0]} x {SIZE[1]}", picture, paper=75),
+    ]
+    return {
+        "device": session.device.name,
+        "elements": n,
+        "directions": D,
+        "rows": rows,
+        "total_seconds": total,
+        "memory_bytes": _peak_memory(),
+    }
+
+
+def _row(
+    step: str,
+    seconds: float,
+    limit: str = "",
+    limit_seconds: float | None = None,
+    size: int = 0,
+    paper: int = 0,
+) -> Row:
+    ratio = seconds / limit_seconds if limit_seconds else None
+    return {
+        "step": step,
+        "seconds": seconds,
+        "limit": limit,
+        "limit_seconds": limit_seconds,
+        "ratio": ratio,
+        "bytes": size,
+        "paper_ms": paper or None,
+    }
+
+
+def _visibility(session: Session) -> tuple[float, str, float]:
+    """Time of the warm step, and of embreex alone on the same rays, made beforehand."""
+    seconds = _best(
+        lambda: trace_visibility(session.elements, session.lookup, session.tracer, session.device), repeats=1
+    )
+    elements, tracer = session.elements, session.tracer
+    start = tracer.offset_points(elements.position, elements.geometric_normal, elements.triangle)
+    bins = bin_directions().astype(np.float32)
+    rays = []
+    for first in range(0, len(elements), BLOCK * RAY_SHARE):
+        rows = slice(first, min(first + BLOCK, len(elements)))
+        direction = outgoing_directions(elements, bins, rows)
+        origin = np.ascontiguousarray(np.broadcast_to(start[rows, None], direction.shape))
+        rays.append((origin.reshape(-1, 3), direction.reshape(-1, 3)))
+
+    def run() -> None:
+        for _ in tracer.map_ahead(lambda i: tracer.intersect_columns(*rays[i]), range(len(rays))):
+            pass
+
+    share = sum(len(o) for o, _ in rays) / (len(elements) * D)
+    return seconds, "embreex run() on the same rays", _best(run) / share
+
+
+def _bounce(session: Session) -> tuple[float, str, float]:
+    """Time of a bounce, and of a copy of as many bytes."""
+    field = session.light_field
+
+    def bounce() -> None:
+        field.bounce()
+        session.device.finish()
+
+    seconds = _best(bounce)
+    links = len(session.elements) * D
+    return seconds, "copy kernel over the same bytes", links * BYTES_OF_LINK / copy_bandwidth(session.device)
+
+
+def copy_bandwidth(device: Device, size: int = 1 << 28) -> float:
+    """Returns bytes a second, read and written together, that a copy kernel moves."""
+    size = min(size, device.largest_array)
+    source_d, target_d = device.zeros((size // 16, 4), np.float32), device.zeros((size // 16, 4), np.float32)
+    kernel = device.kernel("bench", "copy")
+
+    def copy() -> None:
+        kernel((size // 16,), None, np.uint32(size // 16), source_d, target_d)
+        device.finish()
+
+    copy()
+    return 2 * size / _best(copy)
+
+
+def _best(work: Callable[[], object], repeats: int = REPEATS) -> float:
+    """Least time of some runs [s]."""
+    found = []
+    for _ in range(repeats):
+        began = time.perf_counter()
+        work()
+        found.append(time.perf_counter() - began)
+    return min(found)
+
+
+def _peak_memory() -> int:
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return peak if sys.platform == "darwin" else peak * 1024
+
+
+def lines_of_table(found: Mapping[str, Any]) -> Iterator[str]:
+    """Yields the table that people read."""
+    yield f"{found['device']}: {found['elements']} elements x {found['directions']} directions"
+    yield f"{'step':<26}{'ms':>9}{'limit ms':>10}{'ratio':>7}{'MB':>8}{'paper ms':>10}  limit"
+    for row in found["rows"]:
+        limit = f"{row['limit_seconds'] * 1000:.0f}" if row["limit_seconds"] else ""
+        ratio = f"{row['ratio']:.2f}" if row["ratio"] else ""
+        size = f"{row['bytes'] / 1e6:.0f}" if row["bytes"] else ""
+        yield (
+            f"{row['step']:<26}{row['seconds'] * 1000:>9.0f}{limit:>10}{ratio:>7}{size:>8}"
+            f"{row['paper_ms'] or '':>10}  {row['limit']}"
+        )
+    yield (
+        f"stage to look layer, cold: {found['total_seconds']:.1f} s; "
+        f"peak memory of the process: {found['memory_bytes'] / 2**30:.2f} GiB"
+    )

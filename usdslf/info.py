@@ -1,0 +1,105 @@
+"""What a shot holds, as the program reads it: a table for people, a dictionary for programs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from usdslf.lights import default_lights
+from usdslf.scene import Material, PrimvarInput, Scene, Texture
+
+INPUTS = (
+    "diffuse_color", "specular_color", "metallic", "roughness", "ior", "clearcoat", "clearcoat_roughness",
+    "emissive_color", "opacity",
+)  # fmt: skip
+
+
+def describe(scene: Scene) -> dict[str, Any]:
+    """Returns JSON-ready values of all that was read."""
+    lower, upper = scene.bounds
+    warnings = list(scene.warnings)
+    if not scene.lights and not any(_emits(m) for m in scene.materials):
+        warnings.append(default_lights(scene)[1])
+    users = np.zeros(len(scene.materials), np.int64)
+    for mesh in scene.meshes:
+        users[np.unique(mesh.material_of_triangle)] += 1
+    return {
+        "stage": scene.stage,
+        "frame": None if math.isnan(scene.frame) else scene.frame,
+        "up_axis": scene.up_axis,
+        "meters_per_unit": scene.meters_per_unit,
+        "working_space": scene.working_space,
+        "bounds": [lower.tolist(), upper.tolist()],
+        "meshes": [
+            {"prim": m.path, "triangles": len(m.triangles), "uv_sets": sorted(m.uvs)} for m in scene.meshes
+        ],
+        "materials": [_describe_material(m, int(n)) for m, n in zip(scene.materials, users)],
+        "lights": [{"prim": x.path, "kind": x.kind, "radiance": list(x.radiance)} for x in scene.lights],
+        "cameras": [c.path for c in scene.cameras],
+        "warnings": warnings,
+    }
+
+
+def _describe_material(material: Material, users: int) -> dict[str, Any]:
+    return {
+        "prim": material.path,
+        "meshes": users,
+        "workflow": "specular" if material.use_specular_workflow else "metallic",
+        "inputs": {name: _describe_input(getattr(material, name)) for name in INPUTS},
+        "normal_map": material.normal.path if material.normal else "",
+        "editable": not material.why_not_editable,
+        "why_not_editable": material.why_not_editable,
+    }
+
+
+def _describe_input(value: Any) -> Any:
+    if isinstance(value, Texture):
+        return {"texture": value.path, "channels": value.channels, "uv_set": value.uv_set}
+    if isinstance(value, PrimvarInput):
+        return {"primvar": value.name}
+    values = [round(float(v), 6) for v in np.asarray(value).reshape(-1)]
+    return values[0] if len(values) == 1 else values
+
+
+def _emits(material: Material) -> bool:
+    emission = material.emissive_color
+    return not isinstance(emission, np.ndarray) or bool(emission.max() > 0)
+
+
+def as_text(found: dict[str, Any]) -> Iterator[str]:
+    """Yields the lines that people read."""
+    frame = "default time" if found["frame"] is None else f"frame {found['frame']:g}"
+    size = np.subtract(found["bounds"][1], found["bounds"][0])
+    yield f"{found['stage']}  ({frame})"
+    yield (
+        f"  {found['up_axis']} up, {found['meters_per_unit']:g} m a unit, "
+        f"{' x '.join(f'{s:.4g}' for s in size)} units, working space {found['working_space']}"
+    )
+    triangles = sum(m["triangles"] for m in found["meshes"])
+    yield f"meshes: {len(found['meshes'])} with {triangles} triangles"
+    yield f"materials: {len(found['materials'])}"
+    for m in found["materials"]:
+        state = "" if m["editable"] else f"  not editable: {m['why_not_editable']}"
+        inputs = m["inputs"]
+        shown = "diffuse_color", "specular_color" if m["workflow"] == "specular" else "metallic", "roughness"
+        values = ", ".join(f"{name} {_short(inputs[name])}" for name in shown)
+        yield f"  {m['prim'] or '(no material)'}  on {m['meshes']}: {values}{state}"
+    yield f"lights: {len(found['lights'])}"
+    for light in found["lights"]:
+        yield f"  {light['prim']}  {light['kind']}, radiance {_short(light['radiance'])}"
+    yield f"cameras: {len(found['cameras'])}"
+    for camera in found["cameras"]:
+        yield f"  {camera}"
+    yield f"warnings: {len(found['warnings'])}"
+    for warning in found["warnings"]:
+        yield "  " + " ".join(warning.split())
+
+
+def _short(value: Any) -> str:
+    if isinstance(value, dict):
+        return next(f"{k} {str(v).rsplit('/', 1)[-1]}" for k, v in value.items())
+    values = value if isinstance(value, list) else [value]
+    return " ".join(f"{v:.3g}" for v in values)

@@ -1,0 +1,85 @@
+"""Files that results go to: checked before the work, written whole or not at all."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usdslf.color import color_of
+from usdslf.errors import InputError, UsdslfError
+from usdslf.images import write_image
+from usdslf.render import AOVS
+from usdslf.scene import Scene
+
+PICTURE_TYPES = (".exr", ".png")
+_LETTERS = {1: ("Y",), 3: ("R", "G", "B")}
+
+
+def check_place(path: str | Path, error: type[UsdslfError] = InputError) -> None:
+    """Raises `error` where no file can be written at `path`; a long run should not find out at its end."""
+    path = Path(path)
+    folder = path.parent
+    if not folder.is_dir():
+        raise error(f"{path} cannot be written: there is no folder {folder}; create it first")
+    if path.is_dir():
+        raise error(f"{path} cannot be written: it is a folder; give the name of a file")
+    if not os.access(folder, os.W_OK) or (path.exists() and not os.access(path, os.W_OK)):
+        raise error(f"{path} cannot be written: permission denied; choose another place")
+
+
+def check_picture(path: str | Path, aovs: Sequence[str]) -> None:
+    """Raises InputError for a picture that could not be written, or layers that it cannot hold."""
+    suffix = Path(path).suffix.lower()
+    if suffix not in PICTURE_TYPES:
+        raise InputError(f"{path} is no picture; end its name in {' or '.join(PICTURE_TYPES)}")
+    if aovs and suffix != ".exr":
+        raise InputError(f"{path} cannot hold the layers {', '.join(aovs)}; end its name in .exr")
+    unknown = [a for a in aovs if a not in AOVS]
+    if unknown:
+        raise InputError(f"there is no AOV '{unknown[0]}'; choose from {', '.join(AOVS)}")
+    check_place(path)
+
+
+def write_picture(
+    path: str | Path,
+    pictures: Mapping[str, NDArray],
+    scene: Scene,
+    aovs: Sequence[str] = (),
+    exposure: float = 0.0,
+) -> None:
+    """Writes a rendered picture: an EXR scene-linear with its layers, a PNG through the display.
+
+    Args:
+        pictures: name -> (h, w, channels), with `color`.
+        aovs: names of the further layers; their channels are called name.R and so on.
+        exposure: [stops] of a PNG.
+    """
+    color = color_of(scene.ocio or None, scene.working_space)
+    note = {"usdslf:ocioConfig": color.config_name, "usdslf:workingSpace": scene.working_space}
+    if Path(path).suffix.lower() == ".png":
+        write_image(path, color.display(pictures["color"], exposure), metadata=note)
+        return
+    layers = {"": pictures["color"], **{f"{name}.": pictures[name] for name in aovs if name != "color"}}
+    channels = [prefix + letter for prefix, p in layers.items() for letter in _LETTERS[p.shape[-1]]]
+    pixels = np.concatenate(list(layers.values()), -1)
+    write_image(path, pixels, scene.working_space, channels, half=not aovs, metadata=note)
+
+
+def write_json(path: str | Path, values: Any) -> None:
+    """Writes JSON through a temporary file.  Raises InputError where the place cannot be written."""
+    path = Path(path)
+    check_place(path)
+    temporary = path.with_name(f".{path.name}.{os.getpid()}")
+    try:
+        temporary.write_text(json.dumps(values, indent=2, allow_nan=False) + "\n", encoding="utf-8")
+        temporary.replace(path)
+    except OSError as error:
+        temporary.unlink(missing_ok=True)
+        reason = error.strerror or error
+        raise InputError(f"{path} cannot be written: {reason}; choose another place") from None

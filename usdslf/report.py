@@ -1,0 +1,31 @@
+"""What was inferred, in lines that people read."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+
+def lines_of_report(report: Mapping[str, Any]) -> Iterator[str]:
+    """Yields two lines a stroke and one an edit of a solve's report."""
+    for stroke in report["strokes"]:
+        tie = "  (ambiguous)" if stroke.get("ambiguous") else ""
+        yield f"{stroke['path']} on {stroke['surface']}: {stroke['inferred']} of {stroke['material']}{tie}"
+        residual = f"{stroke['residual_before']:.3f} -> {stroke['residual_after']:.3f}"
+        yield f"  {_changes(stroke)}; residual {residual}"
+    for edit in report["edits"]:
+        loses = "" if edit["wins"] else "  (a stronger opinion hides it)"
+        change = f"{_value(edit['before'])} -> {_value(edit['after'])}"
+        yield f"{edit['prim']}.{edit['attribute']}: {change}{loses}"
+
+
+def _changes(stroke: Mapping[str, Any]) -> str:
+    before, after = stroke["before"], stroke["after"]
+    changed = [f"{k} {_value(before[k])} -> {_value(after[k])}" for k in after if before[k] != after[k]]
+    return ", ".join(changed) or "nothing changed"
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, list | tuple):
+        return "(" + ", ".join(_value(v) for v in value) + ")"
+    return f"{value:.3g}" if isinstance(value, float) else str(value)

@@ -1,0 +1,40 @@
+"""What the command line says beside its result: progress, talk and warnings, all on stderr."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+import click
+
+if TYPE_CHECKING:
+    from usdslf.session import Say
+
+
+@contextmanager
+def progress(quiet: bool) -> Iterator[Say]:
+    """Yields what steps tell their progress to: a bar on a terminal, nothing when piped or quiet."""
+    if quiet or not sys.stderr.isatty():
+        yield lambda step, share: None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+    columns = TextColumn("{task.description:>12}"), BarColumn(), TextColumn("{task.percentage:3.0f}%")
+    with Progress(*columns, TimeElapsedColumn(), console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("", total=1.0)
+        yield lambda step, share: bar.update(task, description=step, completed=min(share, 1.0))
+
+
+def talk(text: str, quiet: bool) -> None:
+    """Says a line on stderr."""
+    if not quiet:
+        click.echo(text, err=True)
+
+
+def warn(sentences: Iterable[str], quiet: bool) -> None:
+    """Says each warning once, a line each, on stderr."""
+    for sentence in dict.fromkeys(sentences):
+        talk("warning: " + " ".join(sentence.split()), quiet)

@@ -1,0 +1,31 @@
+"""A shot as a look layer changes it, without writing to either."""
+
+from __future__ import annotations
+
+import os
+
+from pxr import Sdf, Tf, Usd
+
+from usdslf.errors import InputError
+from usdslf.usd.read import open_stage, quiet_usd
+
+
+def open_edited(shot: str | os.PathLike[str], look: str | os.PathLike[str]) -> Usd.Stage:
+    """Opens the shot with a look layer over it, as an anonymous session layer.
+
+    Raises: StageError for the shot, InputError for the look.
+    """
+    plain = open_stage(shot)
+    name = os.fspath(look)
+    if not os.path.isfile(name):
+        raise InputError(f"there is no look layer {name}; make one with: usdslf solve")
+    session = Sdf.Layer.CreateAnonymous(".usda")
+    with quiet_usd():
+        try:
+            layer = Sdf.Layer.FindOrOpen(name)
+        except Tf.ErrorException:
+            layer = None
+        if layer is None:
+            raise InputError(f"{name} is not a readable USD layer; make a look with: usdslf solve")
+        session.subLayerPaths.append(layer.realPath)
+        return Usd.Stage.Open(plain.GetRootLayer(), session, load=Usd.Stage.LoadAll)
