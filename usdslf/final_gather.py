@@ -67,7 +67,8 @@ class ShadingPoints:
 class Illumination:
     """Demodulated light at n points: columns (n, 5, 3), and radiance that needs no filter (n, 3)."""
 
-    direct: F32  # (n, 5, 3) from lights and domes
+    sampled: F32  # (n, 5, 3) from lights that have a place, where they were sampled
+    direct: F32  # (n, 5, 3) from domes, and from lights that rays of the lobes met
     indirect: F32  # (n, 5, 3) from surfaces
     exact: F32  # (n, 3) reflected from lights without extent, which have no noise
 
@@ -171,98 +172,120 @@ class Gatherer:
         self._sample((_up(n * k),), (GROUP,), *sizes, *up, direction, pdf, weight)
         return d.download(direction), d.download(pdf), d.download(weight)
 
-    def evaluate_lobes(self, p: ShadingPoints, direction: F32) -> tuple[F32, F32]:
-        """Returns pdf (n,) and weights (n, 5) of one direction for each point."""
-        d, n = self.device, len(p)
+    def evaluate_lobes(self, p: ShadingPoints, rows: NDArray[np.intp], direction: F32) -> tuple[F32, F32]:
+        """Returns pdf (m,) and weights (m, 5) of one direction for each of some points."""
+        d, n = self.device, len(rows)
         if n == 0:
             return np.zeros(0, np.float32), np.zeros((0, WEIGHTS), np.float32)
         pdf, weight = d.empty((n,), np.float32), d.empty((n, WEIGHTS), np.float32)
-        up = [d.upload(a) for a in (p.normal, p.view, p.lobes, p.coat, direction)]
+        up = [d.upload(a) for a in (*(np.take(a, rows, 0) for a in (p.normal, p.view, p.lobes, p.coat)), direction)]
         self._evaluate((_up(n),), (GROUP,), np.uint32(n), *up, pdf, weight)
         return d.download(pdf), d.download(weight)
 
     # ── the first surface ────────────────────────────────────────────────────────────────────────
 
     def gather(
-        self, p: ShadingPoints, index: NDArray[np.uint32], rays: int, light_samples: int, seed: int = 0
+        self,
+        p: ShadingPoints,
+        place: NDArray[np.uint32],
+        near_place: NDArray[np.uint32],
+        rays: int,
+        light_samples: int,
+        seed: int = 0,
     ) -> Illumination:
         """Gathers at points with `rays` rays each and `light_samples` samples of each source.
 
         Args:
-            index: (n,) place of each point in the interleaving tile: its samples are `index * rays` and following.
+            place: (n,) of each point in the interleaving tile: its samples are `place * count` and following.
+            near_place: (n,) in the smaller tile of lights that have a place, whose shadows are to stay sharp.
         """
         parts = [slice(i, i + CHUNK) for i in range(0, len(p), CHUNK)] or [slice(0, 0)]
-        with ThreadPoolExecutor(self.tracer.threads) as pool:
-            done = list(
-                pool.map(lambda part: self._gather(p[part], index[part], rays, light_samples, seed), parts)
-            )
-        columns = zip(*((i.direct, i.indirect, i.exact) for i in done), strict=True)
-        return Illumination(*(np.concatenate(c) for c in columns))
 
-    def _gather(
-        self, p: ShadingPoints, index: NDArray[np.uint32], rays: int, light_samples: int, seed: int
-    ) -> Illumination:
+        def gather_part(part: slice) -> tuple[F32, F32, F32, F32]:
+            q = p[part]
+            sampled, dome, exact = self._sample_lights(q, place[part], near_place[part], rays, light_samples, seed)
+            lit, indirect = self._send_rays(q, place[part], rays, light_samples, seed)
+            return sampled, dome + lit, indirect, exact
+
+        with ThreadPoolExecutor(self.tracer.threads) as pool:
+            done = list(pool.map(gather_part, parts))
+        return Illumination(*(np.concatenate(c) for c in zip(*done, strict=True)))
+
+    def _sample_lights(
+        self,
+        p: ShadingPoints,
+        place: NDArray[np.uint32],
+        near_place: NDArray[np.uint32],
+        rays: int,
+        light_samples: int,
+        seed: int,
+    ) -> tuple[F32, F32, F32]:
+        """Returns the columns of lights (n, 5, 3) and of domes (n, 5, 3), and the radiance of delta lights (n, 3)."""
         n = len(p)
-        direct = np.zeros((n, WEIGHTS, 3), np.float32)
-        indirect = np.zeros((n, WEIGHTS, 3), np.float32)
+        near, far = np.zeros((n, WEIGHTS, 3), np.float32), np.zeros((n, WEIGHTS, 3), np.float32)
         exact = np.zeros((n, 3), np.float32)
         for s, source in enumerate(self.lights.sources):
+            is_dome = s in self.lights.dome_range
             count = 1 if source.is_delta else light_samples
+            index = place if is_dome else near_place
             for j in range(count):
                 u = self.sequence(index * np.uint32(count) + np.uint32(j), 1000 + seed + s)
                 arrival = source.sample(p.position, u)
-                weight, rest = self._weigh(p, arrival, source, count / rays)
+                rows, weight, rest = self._weigh(p, arrival, source, np.float32(count / rays))
                 if source.is_delta:
-                    exact += reflect(p.colors, weight[:, :, None] * rest[:, None])
+                    exact[rows] += reflect(p.colors[rows], weight[:, :, None] * rest[:, None])
                 else:
-                    direct += weight[:, :, None] * (rest / count)[:, None]
-        direction, pdf, weight = self.sample_lobes(p, index * np.uint32(rays), rays, seed)
+                    total = far if is_dome else near
+                    total[rows] += weight[:, :, None] * (rest / np.float32(count))[:, None]
+        return near, far, exact
+
+    def _send_rays(
+        self, p: ShadingPoints, place: NDArray[np.uint32], rays: int, light_samples: int, seed: int
+    ) -> tuple[F32, F32]:
+        """Returns columns (n, 5, 3) of what rays of the lobes meet: of lights, and of surfaces."""
+        n = len(p)
+        direction, pdf, weight = self.sample_lobes(p, place * np.uint32(rays), rays, seed)
         alive = np.flatnonzero((pdf > 0).reshape(-1))
         point = alive // rays
         direction, pdf = direction.reshape(-1, 3)[alive], pdf.reshape(-1)[alive]
-        chosen = np.full((len(alive), len(self.lights.sources)), light_samples / rays, np.float32)
-        order = index[point] * np.uint32(rays) + (alive % rays).astype(np.uint32)
+        ratio = np.full((len(alive), len(self.lights.sources)), light_samples / rays, np.float32)
+        order = place[point] * np.uint32(rays) + (alive % rays).astype(np.uint32)
         lit, bounced = self._incoming(
-            p.origin[point], p.geometric_normal[point], direction, pdf, chosen, order, 1, pdf, seed
+            p.origin[point], p.geometric_normal[point], direction, pdf, ratio, order, 1, pdf, seed
         )
-        wide = np.zeros((n * rays, 2, 3), np.float32)
-        wide[alive, 0], wide[alive, 1] = lit, bounced
-        wide = wide.reshape(n, rays, 2, 3)
-        sums = np.einsum("nkw,nkgc->ngwc", weight, wide) / np.float32(rays)
-        direct += sums[:, 0]
-        indirect += sums[:, 1]
-        return Illumination(direct, indirect, exact)
+        met = np.zeros((n * rays, 6), np.float32)
+        met[alive, :3], met[alive, 3:] = lit, bounced
+        sums = np.matmul(weight.transpose(0, 2, 1), met.reshape(n, rays, 6)) / np.float32(rays)
+        return sums[..., :3], sums[..., 3:]
 
     # ── lights ───────────────────────────────────────────────────────────────────────────────────
 
     def _weigh(
-        self, p: ShadingPoints, arrival: Arrival, source: Source, ratio: NDArray | float
-    ) -> tuple[F32, F32]:
-        """Returns lobe weights (n, 5) and radiance over density (n, 3) of sampled light, shadows included.
+        self, p: ShadingPoints, arrival: Arrival, source: Source, ratio: F32 | np.float32
+    ) -> tuple[NDArray[np.intp], F32, F32]:
+        """Weighs sampled light, shadows included.
 
-        `ratio`: light samples for one ray of the lobes.
+        Args:
+            ratio: light samples for one ray of the lobes; scalar or (n,).
+
+        Returns: rows (m,) of points that are lit, their lobe weights (m, 5), radiance over density (m, 3).
         """
-        n = len(p)
         useful = (arrival.pdf > 0) & (brightest(arrival.radiance) > 0)
-        above = dot(p.normal, arrival.direction) > 0
-        above &= dot(p.geometric_normal, arrival.direction) > 0
-        rows = np.flatnonzero(useful & above)
-        q = p[rows]
-        direction, distance = arrival.direction[rows], arrival.distance[rows]
-        blocked = self.tracer.occluded(q.origin, direction, distance * np.float32(1 - 1e-4))
-        rows, q, direction = rows[~blocked], q[~blocked], direction[~blocked]
-        lobe_pdf, lobe_weight = self.evaluate_lobes(q, direction)
-        lobe_weight *= np.float32([source.diffuse] * 2 + [source.specular] * 3)
+        useful &= dot(p.normal, arrival.direction) > 0
+        useful &= dot(p.geometric_normal, arrival.direction) > 0
+        rows = np.flatnonzero(useful)
+        direction = arrival.direction[rows]
+        blocked = self.tracer.occluded(p.origin[rows], direction, arrival.distance[rows] * np.float32(1 - 1e-4))
+        rows, direction = rows[~blocked], direction[~blocked]
+        lobe_pdf, weight = self.evaluate_lobes(p, rows, direction)
+        weight *= np.float32([source.diffuse] * 2 + [source.specular] * 3)
         density = arrival.pdf[rows]
         if arrival.is_delta or source.is_split:
             share = np.ones_like(density)
         else:
-            sampled = density * (ratio if isinstance(ratio, float) else ratio[rows])
+            sampled = density * (ratio[rows] if np.ndim(ratio) else ratio)
             share = sampled / (sampled + lobe_pdf)
-        weight, radiance = np.zeros((n, WEIGHTS), np.float32), np.zeros((n, 3), np.float32)
-        weight[rows] = lobe_weight
-        radiance[rows] = arrival.radiance[rows] * (share / density)[:, None]
-        return weight, radiance
+        return rows, weight, arrival.radiance[rows] * (share / density)[:, None]
 
     def _lights_met(
         self, origin: F32, direction: F32, pdf: F32, ratio: F32, met: Hits, mirrored: NDArray
@@ -384,8 +407,9 @@ class Gatherer:
                     continue
                 q, chance = p[rows], chances[rows, s]
                 arrival = source.sample(q.position, u[rows])
-                weight, radiance = self._weigh(q, arrival, source, chance)
-                out[rows] += reflect(q.colors, weight[:, :, None] * (radiance / chance[:, None])[:, None])
+                lit, weight, radiance = self._weigh(q, arrival, source, chance)
+                light = weight[:, :, None] * (radiance / chance[lit, None])[:, None]
+                out[rows[lit]] += reflect(q.colors[lit], light)
         direction, pdf, weight = self.sample_lobes(p, index, 1, stream + 3)
         rows = np.flatnonzero(pdf[:, 0] > 0)
         q, pdf = p[rows], pdf[rows, 0]

@@ -243,6 +243,7 @@ class LightSet:
         self.domes = [DomeSource(light) for light in lit if light.kind == "dome"]
         self.emissive = EmissiveSurfaces(scene, SurfaceEmission(scene))
         self.sources: list[Source] = [*self.placed, *self.domes]
+        self.dome_range = range(len(self.placed), len(self.placed) + len(self.domes))  # of `sources`
         if len(self.emissive.triangle):
             self.sources.append(self.emissive)
 

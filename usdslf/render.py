@@ -28,6 +28,7 @@ from usdslf.surface import SurfacePoints, evaluate_surface
 from usdslf.visibility import RayTracer
 
 TILE = 8  # samples on a side that share one low-discrepancy set
+NEAR_TILE = 4  # the same for lights that have a place: their shadows are blurred by no more
 BAND = 300_000  # samples in a band
 LAYERS = 8  # see-through surfaces that a camera ray shows
 LOBE_SHARE = 1.0  # filter: mirror directions may differ by this many alphas
@@ -46,7 +47,7 @@ class Quality:
 
     antialias: int = 2  # samples on a side of a pixel
     rays: int = 4  # of each sample
-    light_samples: int = 2  # of each source, for each sample
+    light_samples: int = 4  # of each source, for each sample
 
     @staticmethod
     def of(samples: int) -> Quality:
@@ -55,7 +56,7 @@ class Quality:
             raise InputError(f"a picture needs at least 1 sample a pixel, not {samples}")
         antialias = 1 if samples < 8 else 2 if samples < 256 else 4
         rays = max(1, samples // antialias**2)
-        return Quality(antialias, rays, max(1, rays // 2))
+        return Quality(antialias, rays, rays)
 
 
 def render(
@@ -179,6 +180,7 @@ class _View:
         y, x = np.divmod(np.arange(grid_width * grid_height), grid_width)
         y += low * a
         place = _morton(x % TILE, y % TILE)
+        near_place = _morton(x % NEAR_TILE, y % NEAR_TILE)
         jitter = self._jitter[place]
         at = np.stack([(x + jitter[:, 0]) / grid_width, (y + jitter[:, 1]) / (self.size[1] * a)], -1)
         rays = camera_rays(self.camera, at, self.size[0] / self.size[1])
@@ -195,7 +197,7 @@ class _View:
             seen, lit_rows = self._look(rows, origin, rays.direction, rays.limit - travelled, through, sums)
             if seen is None:
                 break
-            self._add_layer(seen, layer, through, place, (grid_width, grid_height), sums, travelled + rays.near)
+            self._add_layer(seen, layer, through, (place, near_place), (grid_width, grid_height), sums, travelled + rays.near)
             opacity = seen.surface.opacity
             open_ = np.flatnonzero(opacity < 1 - 1e-3)
             rows = seen.rows[open_]
@@ -239,18 +241,18 @@ class _View:
         seen: _Seen,
         layer: int,
         through: F32,
-        place: NDArray,
+        places: tuple[NDArray, NDArray],
         grid: tuple[int, int],
         sums: dict[str, F32],
         travelled: F32,
     ) -> None:
         """Lights one layer of surfaces and adds it to the sums."""
         q, s = self.quality, seen.surface
-        light = self.gatherer.gather(
-            seen.points, place[seen.rows].astype(np.uint32), q.rays, q.light_samples, self.seed
-        )
+        place, near_place = (p[seen.rows] for p in places)
+        light = self.gatherer.gather(seen.points, place, near_place, q.rays, q.light_samples, self.seed)
         features = self._features(seen, grid, travelled)
         direct = self._filtered(seen, grid, features, light.direct, TILE) + light.exact
+        direct += self._filtered(seen, grid, features, light.sampled, NEAR_TILE)
         indirect = self._filtered(seen, grid, features, light.indirect, TILE)
         share = through[seen.rows] * s.presence[:, None]
         sums["color"][seen.rows] += share * (direct + indirect + s.emission)
