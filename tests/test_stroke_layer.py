@@ -203,6 +203,11 @@ def test_files_without_strokes_are_refused_in_one_line(tmp_path: Path, content: 
     assert "\n" not in str(error.value)
 
 
+def test_a_stroke_layer_may_have_lost_all_its_strokes(shot: Usd.Stage, tmp_path: Path) -> None:
+    write_strokes(tmp_path / "s.usda", [], shot)
+    assert read_strokes(tmp_path / "s.usda") == []
+
+
 def test_neither_the_shot_nor_a_strangers_file_is_overwritten(shot: Usd.Stage, tmp_path: Path) -> None:
     before = (tmp_path / "shot.usda").read_bytes()
     with pytest.raises(AuthorError, match="part of the shot"):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from usdslf.anchors import locate_stroke
+from usdslf.anchors import locate_stroke, painted_faces
 from usdslf.camera_rays import project_points
 from usdslf.errors import StrokeError
 from usdslf.nearest import nearest_on_triangles
@@ -238,3 +238,55 @@ def test_degenerate_and_broken_triangles_do_not_disturb_the_nearest_point() -> N
     found = nearest_on_triangles(corners, np.array([[1.5, 1, 0], [-1, 0, 0]]))
     assert_allclose(found.distance, [1, 1], atol=1e-12)
     assert nearest_on_triangles(np.zeros((0, 3, 3)), np.zeros((2, 3))).distance.tolist() == [np.inf, np.inf]
+
+
+def grid_mesh(path: str, n: int, z: float = 0, flip: bool = False) -> Mesh:
+    """n x n squares over -1..1, one face of two triangles each."""
+    i, j = np.meshgrid(np.arange(n), np.arange(n), indexing="ij")
+    low = (np.stack([i, j], -1).reshape(-1, 1, 2) + np.array([[0, 0], [1, 0], [1, 1], [0, 1]])) * 2 / n - 1
+    corners = np.concatenate([low, np.full((*low.shape[:2], 1), z)], -1).astype(np.float32)
+    first = 4 * np.arange(n * n)[:, None]
+    triangles = np.concatenate([first + np.array([0, 1, 2]), first + np.array([0, 2, 3])], 1).reshape(-1, 3)
+    triangles = triangles[:, ::-1] if flip else triangles
+    normal = np.float32([0, 0, -1 if flip else 1])
+    return Mesh(
+        path=path,
+        positions=corners.reshape(-1, 3),
+        triangles=triangles.astype(np.int32),
+        corner_normals=np.broadcast_to(normal, (2 * n * n, 3, 3)).copy(),
+        face_of_triangle=np.repeat(np.arange(n * n, dtype=np.int32), 2),
+        triangle_in_face=np.tile(np.array([0, 1], np.int32), n * n),
+        material_of_triangle=np.zeros(2 * n * n, np.int32),
+    )
+
+
+def test_painted_faces_are_those_that_the_brush_touches() -> None:
+    n = 10
+    scene = make_scene(grid_mesh("/a", n))
+    stroke = paint(scene, [[(0.5 + 0.05 / 4, 0.5 - 0.15 / 2)]], 0.15)  # a ball of 0.3 about (0.05, 0.15)
+    faces = painted_faces(scene, stroke, locate_stroke(scene, stroke))["/a"]
+    i, j = np.meshgrid(np.arange(n), np.arange(n), indexing="ij")
+    low = np.stack([i, j], -1).reshape(-1, 2) * 2 / n - 1
+    gap = np.maximum(0, np.maximum(low - [0.05, 0.15], [0.05, 0.15] - low - 2 / n))
+    assert list(faces) == np.flatnonzero(np.linalg.norm(gap, axis=1) <= 0.3).tolist()
+
+
+def test_the_back_of_a_thin_wall_is_not_painted() -> None:
+    scene = make_scene(grid_mesh("/a", 4, 0.01), grid_mesh("/b", 4, 0.0, flip=True))
+    stroke = paint(scene, [[(0.5, 0.5)]], 0.1)
+    assert set(painted_faces(scene, stroke, locate_stroke(scene, stroke))) == {"/a"}
+    both = grid_mesh("/a", 4, 0.01)
+    back = grid_mesh("/a", 4, 0.0, flip=True)
+    wall = replace(
+        both,
+        positions=np.concatenate([both.positions, back.positions]),
+        triangles=np.concatenate([both.triangles, back.triangles + len(both.positions)]),
+        corner_normals=np.concatenate([both.corner_normals, back.corner_normals]),
+        face_of_triangle=np.concatenate([both.face_of_triangle, back.face_of_triangle + 16]),
+        triangle_in_face=np.tile(both.triangle_in_face, 2),
+        material_of_triangle=np.tile(both.material_of_triangle, 2),
+    )
+    scene = make_scene(wall)
+    stroke = paint(scene, [[(0.5, 0.5)]], 0.1)
+    faces = painted_faces(scene, stroke, locate_stroke(scene, stroke))["/a"]
+    assert faces and max(faces) < 16

@@ -1,6 +1,7 @@
 """Anchors: where a stroke lies on the surfaces of a scene, also after they have moved.
 
     locate_stroke(scene, stroke, warnings) -> Located   the stroke's points on the scene's triangles
+    painted_faces(scene, stroke, located) -> {gprim: faces}     all that the brush touches
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdslf.errors import StrokeError
-from usdslf.nearest import nearest_on_triangles
+from usdslf.nearest import nearest_on_triangles, triangles_within
 from usdslf.scene import F32, F64, I32, Scene
 
 if TYPE_CHECKING:
@@ -84,6 +85,27 @@ def locate_stroke(scene: Scene, stroke: Stroke, warnings: list[str] | None = Non
         said.append(f"Stroke {stroke.path}: its surface moved by up to {far:.4g} units; it follows.")
     normal = turned_towards(normal, scene.triangles.face_normals[on], stroke.eye[row] - position)
     return Located(row, on, at, position, normal, bool(moved.any()))
+
+
+def painted_faces(scene: Scene, stroke: Stroke, located: Located) -> dict[str, tuple[int, ...]]:
+    """Returns the faces of each painted gprim that the brush touches, on the side that was painted.
+
+    The brush is a ball of the stroke's width about each of its points.
+    """
+    faces: dict[str, tuple[int, ...]] = {}
+    table = scene.triangles
+    for m in np.unique(table.mesh[located.triangle]):
+        own = np.arange(table.first_of_mesh[m], table.first_of_mesh[m + 1])
+        on = np.flatnonzero(table.mesh[located.triangle] == m)
+        reach = 0.5 * stroke.widths[located.row[on]]
+        point, near = triangles_within(table.positions[own], located.position[on], reach)
+        # What lies behind a thin wall was not painted: sides are told by the face that the point is on.
+        side = table.face_normals[located.triangle[on][point]] * table.face_normals[own[near]]
+        touched = near[side.sum(1) > 0]
+        path = scene.meshes[m].path
+        found = np.unique(table.face[own[touched]]).tolist()
+        faces[path] = tuple(sorted({*faces.get(path, ()), *found}))
+    return faces
 
 
 def _follow_anchors(

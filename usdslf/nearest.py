@@ -1,6 +1,7 @@
 """The point of a triangle, or of many, that is nearest to a point in space.
 
     nearest_on_triangles(corners, points, pair=None) -> Nearest
+    triangles_within(corners, points, reach) -> (pairs of point and triangle)
 """
 
 from __future__ import annotations
@@ -53,6 +54,30 @@ def nearest_on_triangles(corners: NDArray, points: NDArray, pair: NDArray | None
         point.append(rows[i])
         triangle.append(usable[j])
     return _best_of_pairs(n, np.concatenate(point), np.concatenate(triangle), corners, points)
+
+
+def triangles_within(corners: NDArray, points: NDArray, reach: NDArray) -> tuple[NDArray, NDArray]:
+    """Returns the pairs of point and triangle that are within reach of each other.
+
+    Args:
+        corners: (T, 3, 3).
+        points: (n, 3).
+        reach: (n,) of each point.
+    """
+    corners, points = np.asarray(corners, np.float64), np.asarray(points, np.float64)
+    center = corners.mean(1)
+    radius = np.linalg.norm(corners - center[:, None], axis=2).max(1, initial=0)
+    point, triangle = [np.zeros(0, int)], [np.zeros(0, int)]
+    step = max(1, CHUNK // max(len(corners), 1))
+    for start in range(0, len(points), step):
+        rows = np.arange(start, min(len(points), start + step))
+        gap = np.linalg.norm(points[rows][:, None] - center[None], axis=2)
+        i, j = np.nonzero(gap <= radius + reach[rows][:, None])
+        point.append(rows[i])
+        triangle.append(j)
+    p, t = np.concatenate(point), np.concatenate(triangle)
+    near = _nearest_in_triangle(corners[t], points[p])[1] <= reach[p]
+    return p[near], t[near]
 
 
 def _best_of_pairs(n: int, point: NDArray, triangle: NDArray, corners: F64, points: F64) -> Nearest:

@@ -35,6 +35,7 @@ from usdslf.usd.network import (
     plain,
     same_value,
 )
+from usdslf.usd.read import quiet_usd
 from usdslf.usd.shot_metadata import ROOT_ONLY, copy_shot_metadata, default_prim_name, shot_files
 from usdslf.usd.wins import AuthoredEdit, with_wins
 
@@ -67,8 +68,21 @@ def author_look(
     Raises:
         AuthorError: an edit cannot be written, or the file cannot.
     """
-    out = Path(out_path)
     said = warnings if warnings is not None else []
+    with quiet_usd():
+        return _author(stage, edits, Path(out_path), provenance, strokes_path, shot_path, said, color)
+
+
+def _author(
+    stage: Usd.Stage,
+    edits: Sequence[MaterialChange],
+    out: Path,
+    provenance: Mapping[str, Any] | None,
+    strokes_path: str | os.PathLike[str] | None,
+    shot_path: str | os.PathLike[str] | None,
+    said: list[str],
+    color: Color | None,
+) -> list[AuthoredEdit]:
     _refuse_to_overwrite(stage, out)
     look = LookLayer(stage)
     written: list[AuthoredEdit] = []
@@ -110,7 +124,8 @@ def author_review_root(
         AuthorError: the file is part of the shot, or cannot be written.
     """
     try:
-        stage = Usd.Stage.Open(str(shot), load=Usd.Stage.LoadNone)
+        with quiet_usd():
+            stage = Usd.Stage.Open(str(shot), load=Usd.Stage.LoadNone)
     except Tf.ErrorException:
         raise StageError(f"The shot {shot} cannot be opened: give the stage that was painted.") from None
     if Path(path).resolve() in shot_files(stage) | {Path(look).resolve()}:

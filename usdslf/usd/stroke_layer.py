@@ -21,6 +21,7 @@ from pxr import Gf, Sdf, Tf, Usd, UsdGeom, Vt
 from usdslf.errors import AuthorError, StrokeError
 from usdslf.strokes import Stroke, validate_stroke
 from usdslf.usd.files import write_layer
+from usdslf.usd.read import quiet_usd
 from usdslf.usd.schema import API_SCHEMA, register_schema
 from usdslf.usd.shot_metadata import copy_shot_metadata, shot_files
 
@@ -32,6 +33,8 @@ _TOKENS = {f"slf:{field}": field for field in ("tool", "mode", "space", "norm", 
 def read_strokes(path: str | os.PathLike[str], warnings: list[str] | None = None) -> list[Stroke]:
     """Reads the strokes of a layer, those that are switched off too, in the order of its prims.
 
+    A stroke layer whose strokes were all removed gives none.
+
     Raises:
         StrokeError: no such file, not USD, no strokes in it, or a stroke that cannot be meant.
     """
@@ -40,11 +43,12 @@ def read_strokes(path: str | os.PathLike[str], warnings: list[str] | None = None
     if not Path(path).is_file():
         raise StrokeError(f"There is no stroke layer {path}: paint one with `usdslf stroke`.")
     try:
-        stage = Usd.Stage.Open(_open_layer(path), None, load=Usd.Stage.LoadAll)
+        with quiet_usd():
+            stage = Usd.Stage.Open(_open_layer(path), None, load=Usd.Stage.LoadAll)
     except Tf.ErrorException:
         raise StrokeError(f"The stroke layer {path} does not compose: paint into a new one.") from None
     prims = [p for p in _all_prims(stage.GetPseudoRoot()) if _is_stroke(p)]
-    if not prims:
+    if not prims and not (stage.GetDefaultPrim() and stage.GetDefaultPrim().GetName() == SCOPE):
         raise StrokeError(f"{path} holds no strokes: paint one with `usdslf stroke`.")
     strokes = [_read_stroke(prim, said) for prim in prims]
     for stroke in strokes:
