@@ -289,14 +289,12 @@ def _binned(row: NDArray, square: F32, share: F32, spread: NDArray) -> tuple[NDA
     soft = np.flatnonzero(wide)
     if len(soft):
         reach = np.clip(spread[row[soft]], 1, 1.5).astype(np.float32)
-        step = np.array([(x, y) for y in (-1, 0, 1) for x in (-1, 0, 1)])
-        around = cell[soft, None] + step
-        off = np.abs(around.astype(np.float32) + np.float32(0.5) - square[soft, None])
-        weight = np.maximum(reach[:, None, None] - off, 0).prod(-1) * ((around >= 0) & (around < SIDE)).all(
-            -1
-        )
+        around = cell[soft, :, None] + np.arange(-1, 2)  # (., x | y, 3)
+        off = np.abs(around.astype(np.float32) + np.float32(0.5) - square[soft, :, None])
+        tent = np.where((around >= 0) & (around < SIDE), np.maximum(reach[:, None, None] - off, 0), 0)
+        weight = (tent[:, 1, :, None] * tent[:, 0, None]).reshape(-1, 9)
         around = np.clip(around, 0, SIDE - 1)
-        bins = around[..., 1] * SIDE + around[..., 0]
+        bins = (around[:, 1, :, None] * SIDE + around[:, 0, None]).reshape(-1, 9)
         weight /= (weight * cos[bins]).sum(1, keepdims=True) * np.float32(SOLID_ANGLE)
         used = weight > 0
         entries.append((row[soft, None] * D + bins)[used])

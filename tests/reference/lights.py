@@ -116,7 +116,7 @@ def shaping(
 def latlong_direction(row: ArrayLike, column: ArrayLike, height: int, width: int) -> NDArray:
     """Directions (., 3) of places in a latlong picture.
 
-    Row 0 is latitude +90, column 0 longitude +180; latitude 0, longitude 0 is +Z, longitude 90 is +X (UsdLux).
+    Row 0 is latitude +90, column 0 longitude +180; longitude 0 is +Z, longitude 90 is +X (UsdLux).
     """
     latitude, longitude = np.broadcast_arrays(
         np.radians(90 - 180 * np.asarray(row, float) / height),
