@@ -9,12 +9,16 @@ import os
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+import usdslf
+from usdslf.color import color_of
+from usdslf.edits import MaterialChange, Reflectance
 from usdslf.elements import ElementLookup, Elements, sample_elements
 from usdslf.errors import InputError, SolveError, StageError
 from usdslf.gpu.device import Device, open_device
@@ -26,7 +30,9 @@ from usdslf.render import render
 from usdslf.scene import Camera, Light, Scene
 from usdslf.solve import Options
 from usdslf.strokes import Stroke
+from usdslf.usd.author import author_look, author_review_root
 from usdslf.usd.read import open_stage, read_scene
+from usdslf.usd.wins import AuthoredEdit
 from usdslf.visibility import RayTracer, Visibility, trace_visibility
 
 Say = Callable[[str, float], None]
@@ -75,6 +81,7 @@ class Session:
         self.warnings: list[str] = []
         self.strokes: list[Stroke] = []
         self.answers: list[Answer] = []
+        self.edits: list[AuthoredEdit] = []
 
     # ── steps ──────────────────────────────────────────────────────────────────────────────────
 
@@ -172,12 +179,12 @@ class Session:
     def add_stroke(self, stroke: Stroke) -> None:
         """Adds a stroke, or replaces the one of the same name."""
         self.strokes = [s for s in self.strokes if s.name != stroke.name] + [stroke]
-        self.answers = []
+        self.answers, self.edits = [], []
 
     def remove_stroke(self, name: str) -> None:
         """Takes a stroke away."""
         self.strokes = [s for s in self.strokes if s.name != name]
-        self.answers = []
+        self.answers, self.edits = [], []
 
     def solve(
         self, norm: str | None = None, choose: Mapping[str, str] | None = None, options: Options | None = None
@@ -194,7 +201,7 @@ class Session:
         if not active:
             raise SolveError("there is no active stroke; paint one with: usdslf stroke")
         if norm:
-            active = [_with_norm(s, norm) for s in active]
+            active = [replace(s, norm=norm) for s in active]
         field, original = self.light_field, self.light_field.surface
         lights = self.light_set
         try:
@@ -245,6 +252,66 @@ class Session:
                 elements=self.element_count, **options,
             )  # fmt: skip
 
+    def changes(self) -> list[MaterialChange]:
+        """Returns what `solve` found as changes of materials."""
+        return [self._change(a) for a in self.answers if a.chosen.freed]
+
+    def _change(self, answer: Answer) -> MaterialChange:
+        pool, scene = answer.pool, self.scene
+        active = [s for s in self.strokes if s.active]
+        table = scene.triangles
+        shown = np.unique(table.mesh[table.material == pool.material])
+        targets = pool.targets or tuple(scene.meshes[m].path for m in shown)
+        faces: dict[str, tuple[int, ...]] = {}
+        if pool.scope == "stroke":
+            for i in pool.strokes:
+                s = active[i]
+                for k, path in enumerate(s.surfaces):
+                    here = np.unique(s.face[s.surface_index == k]).tolist()
+                    faces[path] = tuple(sorted({*faces.get(path, ()), *here}))
+        return MaterialChange(
+            material=scene.materials[pool.material],
+            scope=pool.scope,
+            targets=targets,
+            freed=answer.chosen.freed,
+            before=_reflectance(answer.before),
+            after=_reflectance(answer.after),
+            strokes=tuple(active[i].path for i in pool.strokes),
+            faces=faces,
+            map="multiply" if answer.chosen.is_tint else "auto",
+            residual_before=answer.residual_before,
+            residual_after=answer.residual_after,
+        )
+
+    def author(
+        self,
+        path: str | os.PathLike[str],
+        strokes_path: str | os.PathLike[str] | None = None,
+        review_root: str | os.PathLike[str] | None = None,
+    ) -> list[AuthoredEdit]:
+        """Writes what `solve` found as a look layer, and on request a review root over look, strokes and shot.
+
+        Raises: AuthorError where it cannot be written.
+        """
+        scene, color = self.scene, color_of(self.ocio, self.scene.working_space)
+        provenance = {
+            "version": usdslf.__version__,
+            "ocioConfig": color.config_name,
+            "workingSpace": scene.working_space,
+            "device": self.device.name,
+            "solve": f"{self.model}, {len(self.elements)} elements, 1024 directions, {self.bounces} bounces",
+        }
+        with self._step("author"):
+            self.edits = author_look(
+                self.stage, self.changes(), path, provenance, strokes_path, warnings=self.warnings, color=color
+            )
+            if review_root is not None:
+                author_review_root(review_root, path, strokes_path, self.stage.GetRootLayer().realPath)
+        for edit in self.edits:
+            if not edit.wins:
+                self.warn(f"{edit.prim}.{edit.attribute} is hidden by {edit.hidden_by}")
+        return self.edits
+
     def report(self) -> dict[str, Any]:
         """Returns what was inferred, as JSON-ready values (DESIGN: the report of solve)."""
         active = [s for s in self.strokes if s.active]
@@ -256,7 +323,17 @@ class Session:
             "elements": len(self.elements),
             "directions": 1024,
             "strokes": [self._stroke_report(s, of_stroke[i]) for i, s in enumerate(active) if i in of_stroke],
-            "edits": [],
+            "edits": [
+                {
+                    "prim": e.prim,
+                    "attribute": e.attribute,
+                    "before": e.before,
+                    "after": e.after,
+                    "representation": e.representation,
+                    "wins": e.wins,
+                }
+                for e in self.edits
+            ],
             "warnings": list(self.warnings),
             "seconds": {k: round(v, 4) for k, v in self.seconds.items()},
         }
@@ -305,10 +382,8 @@ def _plain(values: Mapping[str, NDArray]) -> dict[str, Any]:
     return {k: v.tolist() if len(v) > 1 else float(v[0]) for k, v in values.items()}
 
 
-def _with_norm(stroke: Stroke, norm: str) -> Stroke:
-    from dataclasses import replace
-
-    return replace(stroke, norm=norm)
+def _reflectance(values: Mapping[str, NDArray]) -> Reflectance:
+    return Reflectance(values["diffuse"], values["specular"], float(values["roughness"][0]))
 
 
 def _overview(scene: Scene) -> Camera:
