@@ -20,7 +20,7 @@ from usdslf.directions import D, bin_directions
 from usdslf.elements import ElementLookup, Elements
 from usdslf.gpu.device import Device
 from usdslf.preconvolution import LevelKernel, build_level, fresnel_diffuse
-from usdslf.reflectance import LEVEL_COUNT, roughness_levels
+from usdslf.reflectance import LEVEL_COUNT, column_weights, roughness_levels
 from usdslf.visibility import Visibility
 
 LANES = 16
@@ -95,8 +95,7 @@ class LightField:
         n = len(elements.position)
         self.device, self.elements, self.lookup, self.model = device, elements, lookup, model
         self.face_normals = face_normals
-        field = n * D * 3 * 4
-        device.require(3 * field + n * D * 4, f"{n} elements", field)
+        require_memory(device, n)
         self.hit_d = device.upload(np.ascontiguousarray(visibility.hit, np.uint32))
         self.fixed_d = device.upload(np.ascontiguousarray(fixed, np.float32))
         self.frames_d = device.upload(np.ascontiguousarray(elements.frame, np.float32))
@@ -123,15 +122,15 @@ class LightField:
 
     def _make_blocks(self, s: Surface) -> list[_Blocks]:
         n = len(s.roughness)
-        lobe = np.concatenate([s.f0, s.f90], 1)
-        diffuse = np.concatenate([s.diffuse * (1 - s.f0), s.diffuse * (1 - s.f90)], 1)
+        weights = column_weights(self.model, s.diffuse, s.f0, s.f90).reshape(n, 12)
+        diffuse, lobe = weights[:, :6], weights[:, 6:]
         low, share = _levels_of(s.roughness)
         everyone = np.arange(n)
         rows = [
             (everyone, low, np.concatenate([diffuse, lobe * (1 - share)[:, None]], 1)),
             (everyone, low + 1, np.concatenate([0 * diffuse, lobe * share[:, None]], 1)),
         ]
-        if np.any(s.clearcoat > 0):
+        if np.any(s.clearcoat > 0) and self.model != "phong":  # the paper's model has no coat
             coat = np.repeat(np.stack([s.clearcoat * s.coat_f0, s.clearcoat], 1), 3, axis=1)
             low, share = _levels_of(s.clearcoat_roughness)
             rows += [
@@ -250,6 +249,12 @@ class LightField:
         if len(triangle) == 0:
             return np.zeros((0, 3), np.float32)
         return self.follow_links(*self.link_hits(triangle, barycentric, direction))
+
+
+def require_memory(device: Device, elements: int) -> None:
+    """Raises MemoryError_ where the light field of so many elements does not fit a device."""
+    field = elements * D * 3 * 4
+    device.require(3 * field + elements * D * 4, f"{elements} elements", field)
 
 
 def _levels_of(roughness: NDArray) -> tuple[NDArray, NDArray]:

@@ -23,7 +23,7 @@ from usdslf.elements import ElementLookup, Elements, sample_elements
 from usdslf.errors import InputError, SolveError, StageError
 from usdslf.gpu.device import Device, open_device
 from usdslf.infer import Answer, gather_strokes, infer_changes
-from usdslf.light_field import LightField
+from usdslf.light_field import LightField, require_memory
 from usdslf.light_set import LightSet
 from usdslf.lights import default_lights, static_light
 from usdslf.render import render
@@ -133,8 +133,12 @@ class Session:
 
     @cached_property
     def elements(self) -> Elements:
-        """Points on all surfaces."""
+        """Points on all surfaces.
+
+        Raises: MemoryError_ where their light field does not fit the device.
+        """
         scene, tracer = self.scene, self.tracer
+        require_memory(self.device, self.element_count)
         with self._step("elements"):
             return sample_elements(scene, tracer, self.element_count, np.random.default_rng(0))
 
