@@ -1,6 +1,6 @@
 """Runs the recovery suite: does a stroke give back the change that was made?
 
-    python tests/recovery/run_recovery.py [NAME ...] [--set tuning|twin|all] [--ways exact uneven flat before]
+    python tests/recovery/run_recovery.py [NAME ...] [--set tuning|twin|all] [--ways exact,uneven,flat,before]
                                           [--elements N] [--json OUT] [--markdown]
 
 The truth (truth/NAME.json, see make_truth) was rendered by a path tracer.  For each case and way the dabs are
@@ -209,13 +209,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("names", nargs="*", help="parts of names; none: all of the set")
     parser.add_argument("--set", default="tuning", choices=["tuning", "twin", "all"])
-    parser.add_argument("--ways", nargs="+", default=list(WAYS), choices=[*WAYS, BEFORE])
+    parser.add_argument("--ways", default=",".join(WAYS), help=f"of {','.join([*WAYS, BEFORE])}")
     parser.add_argument("--elements", type=int, default=ELEMENTS)
     parser.add_argument("--json", type=Path)
     parser.add_argument("--markdown", action="store_true", help="end with a table of failures")
     a = parser.parse_args()
     outcomes = []
-    for outcome in run(select("all" if a.names else a.set, a.names), a.ways, elements=a.elements):
+    for outcome in run(select("all" if a.names else a.set, a.names), a.ways.split(","), elements=a.elements):
         outcomes.append(outcome)
         print(line(outcome), flush=True)
     for total in totals(outcomes):
