@@ -412,6 +412,29 @@ def test_a_channel_that_feeds_two_inputs_is_split(tmp_path: Path, scope: str) ->
     assert values == {"roughness": 0.25, "metallic": 0.5}
 
 
+def test_a_channel_is_split_inside_an_instance_too(tmp_path: Path) -> None:
+    asset = new_stage(tmp_path / "asset.usda")
+    textured(asset, {"roughness": "r", "metallic": "r"}, scale=(0.5, 1, 1, 1))
+    stage = new_stage(tmp_path / "shot.usda")
+    for name in "ab":
+        prim = stage.DefinePrim(f"/World/{name}", "Xform")
+        prim.GetReferences().AddReference("./asset.usda")
+        prim.SetInstanceable(True)
+    stage.GetRootLayer().Save()
+    change = texture_change(0.5, 0.25, "r", "roughness")
+    material = replace(change.material, path="/World/a/mtl/tex")
+    (edit,) = author(stage, tmp_path, replace(change, material=material, targets=("/World/a/ball",)))
+    assert edit.wins, edit.hidden_by
+    review = compose(tmp_path)
+    for name, scale in (("a", 0.25), ("b", 0.5)):
+        shader = UsdShade.Shader(review.GetPrimAtPath(f"/World/{name}/mtl/tex/pbr"))
+        (output,) = shader.GetInput("roughness").GetValueProducingAttributes()
+        node = UsdShade.Shader(output.GetPrim())
+        assert node.GetIdAttr().Get() == "UsdUVTexture"
+        assert node.GetInput("scale").Get()[0] == scale
+        assert output.GetPrim().GetPath().HasPrefix(f"/World/{name}")
+
+
 @pytest.mark.parametrize("interpolation", ["constant", "vertex", "faceVarying"])
 def test_a_primvar_is_mapped_on_the_gprim(tmp_path: Path, interpolation: str) -> None:
     stage = new_stage(tmp_path / "shot.usda")
