@@ -37,12 +37,12 @@ class Options:
     drift_length: float = 0.5  # of the stroke's extent
     tint_error: float = 0.05  # of each channel
     flat_error: float = 30.0  # of each dab and channel, where one colour was painted on everything; its mean stays
-    freedom: float = 2.5  # cost of a degree of freedom
-    group: float = 12.0  # cost of a second and third parameter
+    freedom: float = 2.0  # cost of a degree of freedom
+    group: float = 16.0  # cost of a second and third parameter
     background: float = 0.15  # per dab, for unpainted directions that change by their own radiance
     kind: float = 6.0  # cost of a diffuse metal or of a coloured dielectric
     tail: float = 1.0  # misfit per dab beyond which it counts by its logarithm
-    place: float = 0.2  # per dab, for the change being where the stroke is
+    place: float = 0.15  # per dab, for the change being where the stroke is
     nothing: float = 4.0  # cost of no change: who paints wants one
     visible: float = 0.05  # relative change that is seen
 
