@@ -106,23 +106,32 @@ def _exact_rows(device: Device, model: str, roughness: float, rows: NDArray, sid
     return [device.download(m).astype(np.float64) for m in matrices_d]
 
 
-def exact_matrices(device: Device, model: str, roughness: float, side: int = SIDE) -> tuple[NDArray, NDArray, NDArray]:
-    """Integrates A, B and Y (side^2, side^2) from the centre of each outgoing bin over each incoming bin."""
-    a, b, y = _exact_rows(device, model, roughness, np.arange(side * side), side)
+def exact_matrices(
+    device: Device, model: str, roughness: float, side: int = SIDE, rows: NDArray | None = None
+) -> tuple[NDArray, NDArray, NDArray]:
+    """Integrates A, B and Y (R, side^2) from the centres of outgoing bins, all by default, over each incoming bin."""
+    rows = np.arange(side * side) if rows is None else np.asarray(rows)
+    a, b, y = _exact_rows(device, model, roughness, rows, side)
     return a, b, y
 
 
 def build_level(device: Device, model: str, roughness: float) -> LevelKernel:
     """Builds the weights of one level, or reads them from the user's cache."""
-    key = hashlib.sha256(
-        f"{kernel_source('preconvolution')}{model}{roughness:.6f}{KEPT_MASS}{COARSE_FROM}".encode()
-    ).hexdigest()[:24]
-    file = _cache_folder() / f"level-{key}.npz"
+    file = _cache_folder() / f"level-{_key(model, roughness)}.npz"
     cached = _read_cache(file)
     if cached is None:
         cached = _compute_level(device, model, roughness)
         _write_cache(file, cached)
     return cached
+
+
+def _key(model: str, roughness: float) -> str:
+    """Names a level by all that it is computed from: kernels, this code, and the parameters."""
+    code = hashlib.sha256(kernel_source("preconvolution").encode())
+    for module in ("preconvolution", "reflectance", "directions"):
+        code.update(Path(__file__).with_name(f"{module}.py").read_bytes())
+    code.update(f"{model}{roughness:.6f}".encode())
+    return code.hexdigest()[:24]
 
 
 def _compute_level(device: Device, model: str, roughness: float) -> LevelKernel:

@@ -6,7 +6,8 @@ Both models are linear in their colour parameters at a fixed roughness:
 
 with the columns X, Y (diffuse) and A, B (specular) of the light that arrives.  `preview_surface` is
 UsdPreviewSurface with GGX, height-correlated Smith and OpenUSD's diffuse balance; `phong` is the paper's
-model, normalized (Lafortune and Willems 1994): Y = B = 0, F90 = 0, and d (1 - F0) stands for its k_d.
+model, normalized (Lafortune and Willems 1994), L_o = k_d X + k_s A with k_d = d and k_s = F0, held to
+k_d + k_s <= 1; it has no Fresnel ramp, so Y = B = 0.
 
 Source: Nguyen et al. 2013, 5.2; Walter et al. 2007; Heitz 2014; UsdPreviewSurface specification 2.5.
 """
@@ -37,9 +38,12 @@ def roughness_levels() -> F64:
 
 
 def phong_exponent(roughness: ArrayLike) -> F64:
-    """Returns the exponent whose lobe has the width of GGX's at the same roughness: n = 2 / alpha^2 - 2."""
+    """Returns the exponent whose lobe has the width of GGX's at the same roughness: n = 2 / alpha^2 - 2.
+
+    Never zero: 0^0 would light what lies behind the lobe.
+    """
     alpha = np.maximum(np.asarray(roughness, np.float64), 0.01) ** 2
-    return np.minimum(2 / alpha**2 - 2, 1e6)
+    return np.clip(2 / alpha**2 - 2, 1e-3, 1e6)
 
 
 def lobe_parameter(model: str, roughness: ArrayLike) -> F64:
@@ -49,6 +53,17 @@ def lobe_parameter(model: str, roughness: ArrayLike) -> F64:
     if model == "preview_surface":
         return np.maximum(np.asarray(roughness, np.float64), MIN_ROUGHNESS) ** 2
     raise InputError(f"unknown reflectance model '{model}'; choose one of {', '.join(MODELS)}")
+
+
+def column_weights(model: str, diffuse: NDArray, f0: NDArray, f90: NDArray) -> NDArray:
+    """Returns the weights (n, 4, 3) of the columns X, Y, A, B for parameters (n, 3): L_o is their sum.
+
+    phong keeps k_d and lowers k_s where both would reflect more than arrives.
+    """
+    if model == "phong":
+        k_d = np.minimum(diffuse, 1)
+        return np.stack([k_d, 0 * k_d, np.minimum(f0, 1 - k_d), 0 * k_d], 1)
+    return np.stack([diffuse * (1 - f0), diffuse * (1 - f90), f0, f90], 1)
 
 
 def columns(model: str, parameter: ArrayLike, eye: NDArray, light: NDArray) -> F64:
