@@ -481,6 +481,22 @@ def test_light_lies_in_the_bins_of_its_directions_and_large_lights_fill_theirs_e
     assert within.min() > 0.2 and within.max() < 3  # 64 samples for 110 bins
 
 
+def test_a_small_light_is_in_the_bin_of_its_direction() -> None:
+    towards = SPHERE[SPHERE[:, 2] > 0.1][::90]
+    normal = np.array([0, 0, 1.0])
+    for angle in (0.0, np.radians(0.53)):
+        elements = elements_at(np.zeros((4, 3)), normal)
+        for w in towards:
+            x = np.cross(w, [0.3, 0.4, 0.5])
+            x /= np.linalg.norm(x)
+            light = replace(light_of("distant", np.stack([x, np.cross(w, x), w], 1)), angle=angle)
+            got = static_light(elements, Nothing(), (light,)).diffuse[..., 0]
+            for one, frame in zip(got, elements.frame):
+                nearest = bin_directions()[one.argmax()] @ frame
+                assert nearest @ w > np.cos(np.radians(5.5)), (w, nearest)  # a bin's half diagonal
+                assert (one > 0).sum() <= 4
+
+
 def test_large_and_small_lights_have_less_than_two_percent_of_noise() -> None:
     lights = [
         light_of("rect", at=(0, 0, 0)),

@@ -224,7 +224,6 @@ def _met_light(
     meet: _Meet, origins: F32, frames: F32, shifts: NDArray[np.uint32], tracer: RayTracer
 ) -> tuple[NDArray[np.int64], F32]:
     """Meets one light by a ray through a random place of each bin of n elements; as `_drawn_light`."""
-    n = len(origins)
     # Places of neighbouring bins differ as much as they can: Roberts' R2 sequence.
     step = np.arange(D)[:, None] * np.array([0.7548776662466927, 0.5698402909980532])
     place = np.modf(step + shifts[:, None] * 2.0**-32)[0]
@@ -235,8 +234,7 @@ def _met_light(
     hit = meet(start, towards)
     at = np.flatnonzero((hit.radiance > 0).any(1))
     at = at[~tracer.occluded(start[at], towards[at], hit.distance[at] * np.float32(1 - 1e-4))]
-    cos = local.reshape(n * D, 3)[at, 2] / bin_directions()[at % D, 2].astype(np.float32)
-    return at, hit.radiance[at] * cos[:, None]
+    return at, hit.radiance[at]
 
 
 class _Samples(NamedTuple):
