@@ -244,48 +244,23 @@ __kernel void follow_wide_links(
  * the same plane and looks the same way; for specular light, where its mirror direction differs by less
  * than the lobe is wide, so that sharp reflections stay sharp.
  *
- * features (12): plane position 3, normal 3, mirror direction 3, alpha, tolerance of the plane, class (negative: empty)
- * Illumination has C columns of three: X, Y, A, B, coat, for two groups with windows of their own.
+ * features (13): plane position 3, normal 3, mirror direction 3, alpha, tolerance of the plane, class (negative:
+ * empty), weight (rays that were sent)
+ * Illumination has COLUMNS columns of three: X, Y, A, B, coat.
  */
-#define FEATURES 12
+#define FEATURES 13
 #define COLUMNS 5
 
-inline void filter_group(
-    const int width, const int height, const int x, const int y, const int window,
-    __global const float *features, __global const float *light, float lobe_share,
-    float normal_cosine, float3 *sum)
+/* 0: another surface; 1: diffuse light may be shared; 2: specular light too */
+inline int shared_light(__global const float *a, __global const float *b, const float lobe_share, const float normal_cosine)
 {
-    size_t p = (size_t)y * width + x;
-    __global const float *a = features + p * FEATURES;
-    float3 at = vload3(0, a), n = vload3(0, a + 3), r = vload3(0, a + 6);
-    float wide = lobe_share * a[9], plane = a[10], kind = a[11];
-    float diffuse_count = 0.0f, specular_count = 0.0f;
-    float3 s[COLUMNS];
-    for (int c = 0; c < COLUMNS; c++) s[c] = (float3)(0.0f);
-    int half_low = window / 2, half_high = window - 1 - half_low;
-    int x0 = max(x - half_low, 0), x1 = min(x + half_high, width - 1);
-    int y0 = max(y - half_low, 0), y1 = min(y + half_high, height - 1);
-    for (int v = y0; v <= y1; v++)
-        for (int u = x0; u <= x1; u++) {
-            size_t q = (size_t)v * width + u;
-            __global const float *b = features + q * FEATURES;
-            if (b[11] != kind) continue;
-            float3 m = vload3(0, b + 3);
-            if (q != p && (fabs(dot(vload3(0, b) - at, n)) > plane || dot(m, n) < normal_cosine)) continue;
-            __global const float *l = light + q * (3 * COLUMNS);
-            s[0] += vload3(0, l);
-            s[1] += vload3(1, l);
-            diffuse_count += 1.0f;
-            float3 off = vload3(0, b + 6) - r;
-            if (q != p && (dot(off, off) > wide * wide || fabs(b[9] - a[9]) > 0.15f * a[9])) continue;
-            s[2] += vload3(2, l);
-            s[3] += vload3(3, l);
-            s[4] += vload3(4, l);
-            specular_count += 1.0f;
-        }
-    float d = 1.0f / max(diffuse_count, 1.0f), g = 1.0f / max(specular_count, 1.0f);
-    sum[0] = s[0] * d; sum[1] = s[1] * d;
-    sum[2] = s[2] * g; sum[3] = s[3] * g; sum[4] = s[4] * g;
+    if (a == b) return 2;
+    float3 n = vload3(1, a);
+    if (b[11] != a[11] || fabs(dot(vload3(0, b) - vload3(0, a), n)) > a[10] || dot(vload3(1, b), n) < normal_cosine)
+        return 0;
+    float3 off = vload3(2, b) - vload3(2, a);
+    float wide = lobe_share * a[9];
+    return dot(off, off) > wide * wide || fabs(b[9] - a[9]) > 0.15f * a[9] ? 1 : 2;
 }
 
 __kernel void filter_light(
@@ -293,7 +268,7 @@ __kernel void filter_light(
     const int window,                   /* samples on a side */
     const float lobe_share,             /* how far mirror directions may differ, in alphas */
     const float normal_cosine,          /* how far normals may differ */
-    __global const float *features,     /* (height, width, 12) */
+    __global const float *features,     /* (height, width, 13) */
     __global const float *colors,       /* (height, width, 9) d, F0, F90 */
     __global const float *light,        /* (height, width, 15) X, Y, A, B, coat */
     __global float *radiance)           /* (height, width, 3) out */
@@ -301,12 +276,90 @@ __kernel void filter_light(
     int x = get_global_id(0), y = get_global_id(1);
     if (x >= width || y >= height) return;
     size_t p = (size_t)y * width + x;
-    if (features[p * FEATURES + 11] < 0.0f) {
+    __global const float *a = features + p * FEATURES;
+    if (a[11] < 0.0f) {
         store3((float3)(0.0f), radiance, p);
         return;
     }
+    float diffuse_weight = 0.0f, specular_weight = 0.0f;
     float3 s[COLUMNS];
-    filter_group(width, height, x, y, window, features, light, lobe_share, normal_cosine, s);
+    for (int c = 0; c < COLUMNS; c++) s[c] = (float3)(0.0f);
+    int x0 = max(x - window / 2, 0), x1 = min(x - window / 2 + window - 1, width - 1);
+    int y0 = max(y - window / 2, 0), y1 = min(y - window / 2 + window - 1, height - 1);
+    for (int v = y0; v <= y1; v++)
+        for (int u = x0; u <= x1; u++) {
+            size_t q = (size_t)v * width + u;
+            __global const float *b = features + q * FEATURES;
+            int share = shared_light(a, b, lobe_share, normal_cosine);
+            if (share == 0) continue;
+            __global const float *l = light + q * (3 * COLUMNS);
+            float w = b[12];
+            s[0] += w * vload3(0, l);
+            s[1] += w * vload3(1, l);
+            diffuse_weight += w;
+            if (share == 1) continue;
+            for (int c = 2; c < COLUMNS; c++) s[c] += w * vload3(c, l);
+            specular_weight += w;
+        }
+    float i = 1.0f / diffuse_weight, j = 1.0f / specular_weight;
     float3 d = load3(colors, 3 * p), f0 = load3(colors, 3 * p + 1), f90 = load3(colors, 3 * p + 2);
-    store3(d * ((1.0f - f0) * s[0] + (1.0f - f90) * s[1]) + f0 * s[2] + f90 * s[3] + s[4], radiance, p);
+    float3 matte = d * ((1.0f - f0) * s[0] + (1.0f - f90) * s[1]);
+    store3(i * matte + j * (f0 * s[2] + f90 * s[3] + s[4]), radiance, p);
+}
+
+/* how uncertain the filtered light is: for the means of `value` over the window the variance, from how much the quarters of
+ * the tile disagree (each is a low-discrepancy set of its own), or from all samples where quarters are missing */
+__kernel void window_noise(
+    const int width, const int height,
+    const int window,
+    const float lobe_share,
+    const float normal_cosine,
+    __global const float *features,     /* (height, width, 13) */
+    __global const uint *place,         /* (height, width) of each sample in the tile */
+    __global const float *value,        /* (height, width, 2) luminance of diffuse and of specular light */
+    __global float *noise)              /* (height, width, 3) out: mean, variance of the mean, samples of specular light */
+{
+    int x = get_global_id(0), y = get_global_id(1);
+    if (x >= width || y >= height) return;
+    size_t p = (size_t)y * width + x;
+    __global const float *a = features + p * FEATURES;
+    if (a[11] < 0.0f) {
+        store3((float3)(0.0f), noise, p);
+        return;
+    }
+    float sum[2][4], count[2][4], square[2] = {0.0f, 0.0f};
+    for (int g = 0; g < 2; g++)
+        for (int k = 0; k < 4; k++) sum[g][k] = count[g][k] = 0.0f;
+    int x0 = max(x - window / 2, 0), x1 = min(x - window / 2 + window - 1, width - 1);
+    int y0 = max(y - window / 2, 0), y1 = min(y - window / 2 + window - 1, height - 1);
+    for (int v = y0; v <= y1; v++)
+        for (int u = x0; u <= x1; u++) {
+            size_t q = (size_t)v * width + u;
+            int share = shared_light(a, features + q * FEATURES, lobe_share, normal_cosine);
+            int k = place[q] * 4 / (window * window);
+            for (int g = 0; g < share; g++) {
+                float l = value[2 * q + g];
+                sum[g][k] += l;
+                square[g] += l * l;
+                count[g][k] += 1.0f;
+            }
+        }
+    float total = 0.0f, variance = 0.0f, n = 0.0f;
+    for (int g = 0; g < 2; g++) {
+        n = count[g][0] + count[g][1] + count[g][2] + count[g][3];
+        float mean = (sum[g][0] + sum[g][1] + sum[g][2] + sum[g][3]) / n;
+        float least = min(min(count[g][0], count[g][1]), min(count[g][2], count[g][3]));
+        float naive = max(square[g] / n - mean * mean, 0.0f) / max(n - 1.0f, 1.0f);
+        if (least >= 0.125f * window * window) {
+            float apart = 0.0f;
+            for (int k = 0; k < 4; k++) {
+                float off = sum[g][k] / count[g][k] - mean;
+                apart += off * off;
+            }
+            naive = min(naive, apart / 12.0f);
+        }
+        total += mean;
+        variance += naive;
+    }
+    store3((float3)(total, variance, n), noise, p);
 }

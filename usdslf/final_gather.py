@@ -211,6 +211,23 @@ class Gatherer:
             done = list(pool.map(gather_part, parts))
         return Illumination(*(np.concatenate(c) for c in zip(*done, strict=True)))
 
+    def gather_more(
+        self, p: ShadingPoints, place: NDArray[np.uint32], rays: int, light_samples: int, times: int, seed: int
+    ) -> tuple[F32, F32]:
+        """Gathers `direct` and `indirect` of `gather` anew, with `times` the samples, for points that need them."""
+        parts = [slice(i, i + CHUNK // times) for i in range(0, len(p), CHUNK // times)] or [slice(0, 0)]
+
+        def gather_part(part: slice) -> tuple[F32, F32]:
+            q, at = p[part], place[part]
+            dome = self._sample_lights(q, at, at, rays, light_samples, seed, times)[1]
+            lit, indirect = self._send_rays(q, at, rays, light_samples, seed, times)
+            return dome + lit, indirect
+
+        with ThreadPoolExecutor(self.tracer.threads) as pool:
+            done = list(pool.map(gather_part, parts))
+        direct, indirect = (np.concatenate(c) for c in zip(*done, strict=True))
+        return direct, indirect
+
     def _sample_lights(
         self,
         p: ShadingPoints,
@@ -219,19 +236,25 @@ class Gatherer:
         rays: int,
         light_samples: int,
         seed: int,
+        times: int = 0,
     ) -> tuple[F32, F32, F32]:
-        """Returns the columns of lights (n, 5, 3) and of domes (n, 5, 3), and the radiance of delta lights (n, 3)."""
+        """Returns the columns of lights (n, 5, 3) and of domes (n, 5, 3), and the radiance of delta lights (n, 3).
+
+        `times` > 0 asks for domes only, with so many times the samples.
+        """
         n = len(p)
         near, far = np.zeros((n, WEIGHTS, 3), np.float32), np.zeros((n, WEIGHTS, 3), np.float32)
         exact = np.zeros((n, 3), np.float32)
         for s, source in enumerate(self.lights.sources):
             is_dome = s in self.lights.dome_range
-            count = 1 if source.is_delta else light_samples
+            if times and not is_dome:
+                continue
+            count = 1 if source.is_delta else light_samples * max(times, 1)
             index = place if is_dome else near_place
             for j in range(count):
                 u = self.sequence(index * np.uint32(count) + np.uint32(j), 1000 + seed + s)
                 arrival = source.sample(p.position, u)
-                rows, weight, rest = self._weigh(p, arrival, source, np.float32(count / rays))
+                rows, weight, rest = self._weigh(p, arrival, source, np.float32(light_samples / rays))
                 if source.is_delta:
                     exact[rows] += reflect(p.colors[rows], weight[:, :, None] * rest[:, None])
                 else:
@@ -240,15 +263,22 @@ class Gatherer:
         return near, far, exact
 
     def _send_rays(
-        self, p: ShadingPoints, place: NDArray[np.uint32], rays: int, light_samples: int, seed: int
+        self,
+        p: ShadingPoints,
+        place: NDArray[np.uint32],
+        rays: int,
+        light_samples: int,
+        seed: int,
+        times: int = 1,
     ) -> tuple[F32, F32]:
         """Returns columns (n, 5, 3) of what rays of the lobes meet: of lights, and of surfaces."""
-        n = len(p)
+        n, share = len(p), light_samples / rays
+        rays *= times
         direction, pdf, weight = self.sample_lobes(p, place * np.uint32(rays), rays, seed)
         alive = np.flatnonzero((pdf > 0).reshape(-1))
         point = alive // rays
         direction, pdf = direction.reshape(-1, 3)[alive], pdf.reshape(-1)[alive]
-        ratio = np.full((len(alive), len(self.lights.sources)), light_samples / rays, np.float32)
+        ratio = np.full((len(alive), len(self.lights.sources)), share, np.float32)
         order = place[point] * np.uint32(rays) + (alive % rays).astype(np.uint32)
         lit, bounced = self._incoming(
             p.origin[point], p.geometric_normal[point], direction, pdf, ratio, order, 1, pdf, seed

@@ -20,15 +20,18 @@ from numpy.typing import NDArray
 
 from usdslf.camera_rays import camera_rays, pixel_size
 from usdslf.errors import InputError
-from usdslf.final_gather import Gatherer, Illumination, RadianceOfHits, ShadingPoints, shading_points
+from usdslf.final_gather import Gatherer, Illumination, RadianceOfHits, ShadingPoints, reflect, shading_points
 from usdslf.gpu.device import Device
-from usdslf.light_set import LightSet, brightest, dot
+from usdslf.light_set import LightSet, brightest, dot, luminance
 from usdslf.scene import F32, Camera, Light, Scene
 from usdslf.surface import SurfacePoints, evaluate_surface
 from usdslf.visibility import RayTracer
 
 TILE = 8  # samples on a side that share one low-discrepancy set
 NEAR_TILE = 4  # the same for lights that have a place: their shadows are blurred by no more
+NOISE = 0.015  # relative uncertainty of filtered light above which more samples are spent
+REFINE_MOST = 8  # how many times as many
+REFINE_BUDGET = 1.0  # of the samples of the first round, for all that is spent on refining
 BAND = 300_000  # samples in a band
 LAYERS = 8  # see-through surfaces that a camera ray shows
 LOBE_SHARE = 1.0  # filter: mirror directions may differ by this many alphas
@@ -164,7 +167,7 @@ class _View:
         self.scene, self.camera, self.size, self.quality = scene, camera, size, quality
         self.gatherer, self.tracer, self.hide_lights, self.seed = gatherer, gatherer.tracer, hide_lights, seed
         self._filter = gatherer.device.kernel("render", "filter_light")
-        self._jitter = gatherer.sequence(np.arange(TILE * TILE, dtype=np.uint32), seed + 77)
+        self._noise = gatherer.device.kernel("render", "window_noise")
 
     def rows_of_band(self) -> int:
         """Rows of pixels in a band."""
@@ -181,8 +184,9 @@ class _View:
         y += low * a
         place = _morton(x % TILE, y % TILE)
         near_place = _morton(x % NEAR_TILE, y % NEAR_TILE)
-        jitter = self._jitter[place]
-        at = np.stack([(x + jitter[:, 0]) / grid_width, (y + jitter[:, 1]) / (self.size[1] * a)], -1)
+        # the samples of a pixel are rooks: no two share a row or a column; edges come out alike in all pixels
+        at_x, at_y = x + (y % a + 0.5) / a, y + (a - 1 - x % a + 0.5) / a
+        at = np.stack([at_x / grid_width, at_y / (self.size[1] * a)], -1)
         rays = camera_rays(self.camera, at, self.size[0] / self.size[1])
 
         n = len(x)
@@ -251,6 +255,7 @@ class _View:
         place, near_place = (p[seen.rows] for p in places)
         light = self.gatherer.gather(seen.points, place, near_place, q.rays, q.light_samples, self.seed)
         features = self._features(seen, grid, travelled)
+        light = self._refine(seen, grid, features, place, light)
         direct = self._filtered(seen, grid, features, light.direct, TILE) + light.exact
         direct += self._filtered(seen, grid, features, light.sampled, NEAR_TILE)
         indirect = self._filtered(seen, grid, features, light.indirect, TILE)
@@ -277,13 +282,13 @@ class _View:
                     sums[name][seen.rows] = value
 
     def _features(self, seen: _Seen, grid: tuple[int, int], travelled: F32) -> F32:
-        """Returns what the filter compares, (grid height, grid width, 12)."""
+        """Returns what the filter compares, (grid height * grid width, 13)."""
         p, n = seen.points, len(seen.rows)
         mirror = 2 * dot(p.normal, p.view)[:, None] * p.normal - p.view
         footprint = pixel_size(self.camera, seen.distance + travelled[seen.rows], self.size)
         lean = np.maximum(np.abs(dot(p.geometric_normal, p.view)), 0.05)
         kind = 2.0 * seen.surface.material + (p.lobes[:, 2] + p.lobes[:, 3] > 0.999)
-        out = np.full((grid[1] * grid[0], 12), -1, np.float32)
+        out = np.full((grid[1] * grid[0], 13), -1, np.float32)
         out[seen.rows] = np.concatenate(
             [
                 p.position - self.gatherer.center,
@@ -292,10 +297,47 @@ class _View:
                 p.lobes[:, :1],
                 (footprint * (0.5 + 0.1 / lean)).reshape(n, 1),
                 kind.reshape(n, 1),
+                np.ones((n, 1), np.float32),
             ],
             1,
         )
         return out
+
+    def _refine(
+        self, seen: _Seen, grid: tuple[int, int], features: F32, place: NDArray, light: Illumination
+    ) -> Illumination:
+        """Gathers once more, with several times the samples, where the filtered light is still uncertain.
+
+        Weights go to the features.
+        """
+        q, d, (width, height) = self.quality, self.gatherer.device, grid
+        columns = light.direct + light.indirect
+        colors = seen.points.colors
+        matte = reflect(colors, columns * np.float32([1, 1, 0, 0, 0])[:, None])
+        value = np.zeros((width * height, 2), np.float32)
+        value[seen.rows, 0] = luminance(matte)
+        value[seen.rows, 1] = luminance(reflect(colors, columns)) - value[seen.rows, 0]
+        places = np.zeros(width * height, np.uint32)
+        places[seen.rows] = place
+        noise = d.empty((width * height, 3), np.float32)
+        sizes = np.int32(width), np.int32(height), np.int32(TILE), np.float32(LOBE_SHARE), np.float32(NORMAL_COSINE)
+        self._noise(_groups(grid), (16, 4), *sizes, d.upload(features), d.upload(places), d.upload(value), noise)
+        mean, variance, count = d.download(noise)[seen.rows].T
+        whole = mean + luminance(light.exact + reflect(colors, light.sampled)) + luminance(seen.points.emission)
+        error = np.sqrt(variance) / (whole + 0.05 * max(float(whole.mean()), 1e-12))
+        sharp = (count < TILE) & (value[seen.rows, 1] > 0.1 * whole)  # alone: nothing to judge by
+        error = np.where(sharp, np.maximum(error, 2 * NOISE), error)
+        times, wanted = _worst_tiles(error, seen.rows, grid)
+        if not len(wanted):
+            return light
+        direct, indirect = self.gatherer.gather_more(
+            seen.points[wanted], place[wanted], q.rays, q.light_samples, times, self.seed + 5000
+        )
+        share = np.float32(times / (times + 1))
+        light.direct[wanted] += share * (direct - light.direct[wanted])
+        light.indirect[wanted] += share * (indirect - light.indirect[wanted])
+        features[seen.rows[wanted], 12] = times + 1
+        return light
 
     def _filtered(
         self, seen: _Seen, grid: tuple[int, int], features: F32, light: F32, window: int
@@ -309,7 +351,7 @@ class _View:
         out = d.empty((width * height, 3), np.float32)
         sizes = np.int32(width), np.int32(height), np.int32(window), np.float32(LOBE_SHARE), np.float32(NORMAL_COSINE)
         self._filter(
-            (-(-width // 16) * 16, -(-height // 4) * 4), (16, 4), *sizes, d.upload(features), d.upload(colors), d.upload(light_grid), out
+            _groups(grid), (16, 4), *sizes, d.upload(features), d.upload(colors), d.upload(light_grid), out
         )
         return d.download(out)[seen.rows]
 
@@ -330,6 +372,32 @@ class _View:
                 length = np.linalg.norm(out[name], axis=-1, keepdims=True)
                 out[name] = out[name] / np.where(length > 0, length, 1)
         return out
+
+
+def _worst_tiles(error: F32, rows: NDArray, grid: tuple[int, int]) -> tuple[int, NDArray[np.intp]]:
+    """Chooses the points (of error (n,) at `rows` of the grid) that get more samples, by whole tiles.
+
+    Returns: how many times as many samples, and which points: the worst tiles, as the budget allows.
+    """
+    across = -(-grid[0] // TILE)
+    tile = (rows // grid[0] // TILE) * across + rows % grid[0] // TILE
+    count = np.maximum(np.bincount(tile), 1)
+    badness = np.sqrt(np.bincount(tile, error**2) / count)
+    bad = np.flatnonzero(badness > NOISE)
+    budget = REFINE_BUDGET * len(rows)
+    times = REFINE_MOST
+    while times > 2 and times * count[bad].sum() > budget:
+        times //= 2
+    bad = bad[np.argsort(-badness[bad])]
+    bad = bad[np.cumsum(count[bad]) * times <= budget]
+    chosen = np.zeros(len(count), bool)
+    chosen[bad] = True
+    return times, np.flatnonzero(chosen[tile])
+
+
+def _groups(grid: tuple[int, int]) -> tuple[int, int]:
+    """Rounds a grid up to whole work groups of 16 x 4."""
+    return -(-grid[0] // 16) * 16, -(-grid[1] // 4) * 4
 
 
 def _morton(x: NDArray, y: NDArray) -> NDArray[np.uint32]:
