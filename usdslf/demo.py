@@ -25,7 +25,6 @@ from usdslf.session import Session
 from usdslf.stroke_picture import draw_strokes
 from usdslf.strokes import Stroke, paint_stroke
 from usdslf.usd.demo_scene import CAMERA, build_demo_stage
-from usdslf.usd.edited import open_edited
 from usdslf.usd.stroke_layer import write_strokes
 
 if TYPE_CHECKING:
@@ -150,7 +149,7 @@ def _run_demo(folder: Path, device: str | None, ocio: str | None, say: Say) -> S
     )
     _write_stroke_picture(folder / "strokes.png", before["color"], session, strokes)
 
-    edited = Session(open_edited(shot, folder / "look.usda"), device=session.device, ocio=ocio, say=say)
+    edited = session.edited(folder / "look.usda")
     after = edited.render(CAMERA, SIZE, samples=SAMPLES)
     write_picture(folder / "after.png", after, edited.scene)
     for step, seconds in edited.seconds.items():

@@ -7,7 +7,7 @@ reflectance of the surface around it, so that a texture finer than the spacing e
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,7 +17,7 @@ from scipy.spatial import cKDTree
 from usdslf.blue_noise import choose_blue_noise, surface_coordinates
 from usdslf.element_lookup import ElementLookup
 from usdslf.errors import StageError
-from usdslf.living_sides import find_living_points
+from usdslf.living_sides import PROBE_ROUNDS, ROUNDS, find_living_points
 from usdslf.scene import F32, I32, Scene
 from usdslf.surface import SurfacePoints, evaluate_surface
 
@@ -79,7 +79,7 @@ class Elements:
 def sample_elements(
     scene: Scene, tracer: RayTracer, count: int = 10000, rng: np.random.Generator | None = None
 ) -> Elements:
-    """Spreads `count` elements over the living sides of the scene's surfaces.
+    """Spreads about `count` elements over the living sides of the scene's surfaces.
 
     Each side of a part has its share by area, so that all elements stand for about the same area, but
     no fewer than LEAST.
@@ -102,7 +102,8 @@ def sample_elements(
     probes = max(2, min(PROBES, MOST_PROBES // (2 * parts)))
     number = np.maximum(probes, np.ceil(4000 * area_of_part / area.sum())).astype(np.int64)
     both = np.tile(number * (area_of_part > 0), 2)
-    reach, _ = _living_candidates(scene, tracer, area, part_of_triangle, both, np.ones(2 * parts, bool), rng)
+    everywhere = np.ones(2 * parts, bool)
+    reach, _ = _living_candidates(scene, tracer, area, part_of_triangle, both, everywhere, PROBE_ROUNDS, rng)
     alive = np.bincount(reach.group, minlength=2 * parts) / np.maximum(both, 1)
     if not alive.any():
         alive = (both > 0).astype(float)  # no light anywhere: all sides are as good
@@ -111,7 +112,7 @@ def sample_elements(
     side_area = np.tile(area_of_part, 2)
     quota = share_out(alive * side_area, count)
     number = np.ceil(CANDIDATES * quota / np.maximum(alive, 0.05)).astype(np.int64)
-    pool, points = _living_candidates(scene, tracer, area, part_of_triangle, number, alive < 1, rng)
+    pool, points = _living_candidates(scene, tracer, area, part_of_triangle, number, alive < 1, ROUNDS, rng)
     alive = np.bincount(pool.group, minlength=2 * parts) / np.maximum(number, 1)
     quota = share_out(alive * side_area, count)
     spacing = np.sqrt(alive * side_area / np.maximum(quota, 1))
@@ -219,6 +220,7 @@ def _living_candidates(
     part_of_triangle: I32,
     number: NDArray,
     doubtful: NDArray,
+    rounds: tuple[int, ...],
     rng: np.random.Generator,
 ) -> tuple[_Pool, SurfacePoints]:
     """Spreads `number` (2 parts,) candidates over fronts and backs and keeps those that live.
@@ -232,7 +234,9 @@ def _living_candidates(
     there = points.presence > 0  # no holes of cut-outs
     alive = there.copy()
     ask = np.flatnonzero(there & doubtful[group])
-    alive[ask] = find_living_points(scene, tracer, triangle[ask], points.position[ask], normal[ask], rng)
+    alive[ask] = find_living_points(
+        scene, tracer, triangle[ask], points.position[ask], normal[ask], rng, rounds
+    )
     # What lies among the living is only in the dark by chance.
     dark = ask[~alive[ask]]
     lit = ask[alive[ask]]
@@ -289,3 +293,17 @@ def _upright(normal: NDArray, geometric: NDArray) -> F32:
     cosine = (normal * geometric).sum(1, keepdims=True)
     n = np.where(cosine < 0.1, normal + (0.1 - cosine) * geometric, normal)
     return (n / np.maximum(np.linalg.norm(n, axis=1, keepdims=True), 1e-20)).astype(np.float32)
+
+
+def refresh_reflectance(elements: Elements, before: Scene, after: Scene) -> Elements:
+    """Returns elements with the reflectance of a scene of the same geometry and other materials.
+
+    Each mean moves by what the surface at the element itself moved; exact for constant inputs.
+    """
+    old = evaluate_surface(before, elements.triangle, elements.barycentric, normal_maps=False)
+    new = evaluate_surface(after, elements.triangle, elements.barycentric, normal_maps=False)
+    moved = {}
+    for name in MEANS:
+        value = getattr(elements, name) + getattr(new, name) - getattr(old, name)
+        moved[name] = np.maximum(value, 0) if name in ("emission", "ior") else np.clip(value, 0, 1)
+    return replace(elements, material=new.material, **moved)

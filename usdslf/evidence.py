@@ -259,7 +259,7 @@ def _sample_source(
 
 def build_evidence(stroke: Stroke, stroke_row: NDArray, samples: Samples, field: LightField) -> Evidence:
     """Turns the light that arrives now into columns, on all levels and in unpainted directions too."""
-    surface, s = samples.surface, len(samples.eye)
+    surface = samples.surface
     n = len(stroke_row)
     own = surface.roughness.astype(np.float64)
     first = np.searchsorted(samples.dab, np.arange(n))

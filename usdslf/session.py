@@ -17,9 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 import usdslf
+from usdslf.anchors import locate_stroke, painted_faces
 from usdslf.color import color_of
 from usdslf.edits import MaterialChange, Reflectance
-from usdslf.elements import ElementLookup, Elements, sample_elements
+from usdslf.elements import ElementLookup, Elements, refresh_reflectance, sample_elements
 from usdslf.errors import InputError, SolveError, StageError
 from usdslf.gpu.device import Device, open_device
 from usdslf.infer import Answer, gather_strokes, infer_changes
@@ -31,6 +32,7 @@ from usdslf.scene import Camera, Light, Scene
 from usdslf.solve import Options
 from usdslf.strokes import Stroke
 from usdslf.usd.author import author_look, author_review_root
+from usdslf.usd.edited import open_edited
 from usdslf.usd.read import open_stage, read_scene
 from usdslf.usd.wins import AuthoredEdit
 from usdslf.visibility import RayTracer, Visibility, trace_visibility
@@ -227,6 +229,28 @@ class Session:
                 self.warn(f"{names}: {a.chosen.id} and {other} explain it about equally well; paint more or choose")
         return self.answers
 
+    def edited(self, look: str | os.PathLike[str]) -> Session:
+        """Returns a session on the shot with a look layer over it.
+
+        Where the look leaves all geometry as it is, as ours do, elements, visibility and fixed light are shared.
+
+        Raises: InputError where the look cannot be read.
+        """
+        other = Session(
+            open_edited(self.stage.GetRootLayer().realPath, look), self.frame, self.device, self.ocio,
+            self.element_count, self.bounces, self.refine, self.model, self._say,
+        )  # fmt: skip
+        if np.array_equal(other.scene.triangles.positions, self.scene.triangles.positions):
+            shared = {
+                "elements": refresh_reflectance(self.elements, self.scene, other.scene),
+                "lookup": self.lookup,
+                "visibility": self.visibility,
+                "fixed_light": self.fixed_light,
+                "lights": self.lights,
+            }
+            other.__dict__.update(shared)
+        return other
+
     # ── results ────────────────────────────────────────────────────────────────────────────────
 
     def camera(self, path: str | None = None) -> Camera:
@@ -269,10 +293,9 @@ class Session:
         faces: dict[str, tuple[int, ...]] = {}
         if pool.scope == "stroke":
             for i in pool.strokes:
-                s = active[i]
-                for k, path in enumerate(s.surfaces):
-                    here = np.unique(s.face[s.surface_index == k]).tolist()
-                    faces[path] = tuple(sorted({*faces.get(path, ()), *here}))
+                found = painted_faces(scene, active[i], locate_stroke(scene, active[i]))
+                for gprim, painted in found.items():
+                    faces[gprim] = tuple(sorted({*faces.get(gprim, ()), *painted}))
         return MaterialChange(
             material=scene.materials[pool.material],
             scope=pool.scope,
@@ -377,7 +400,7 @@ class Session:
         self.warnings += [s for s in dict.fromkeys(sentences) if s not in self.warnings]
 
 
-def open(stage: Any, **options: Any) -> Session:  # noqa: A001
+def open(stage: Any, **options: Any) -> Session:
     """Opens a shot; see `Session`."""
     return Session(stage, **options)
 
