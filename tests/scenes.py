@@ -185,10 +185,10 @@ def _lamps(b: StageBuilder) -> None:
 
 
 def _emissive(b: StageBuilder) -> None:
-    """Light from an emissive panel only."""
+    """Light from an emissive panel only: closed, since renderers differ on whether back faces shine."""
     _walls(b, lambda c: {"diffuseColor": c, "roughness": 0.7})
     glow = b.material("glow", diffuseColor=(0.0, 0.0, 0.0), emissiveColor=(6.0, 5.0, 3.5))
-    b.mesh("panel", rectangle((-0.5, 2.5, 0.9), (0, 0, -1.2), (1, 0, 0)), glow)
+    b.mesh("panel", box(1.0, 0.06, 1.2), glow, (0, 2.4, 0.3))
     b.mesh(
         "vase",
         vase(1.0, 0.4),

@@ -3,8 +3,8 @@
     python tests/reference/pathtracer.py STAGE CAMERA OUT.exr [--width W] [--height H] [--spp N]
 
 Pictures are scene-linear float32 RGB on the UsdLux scale, without view transform or exposure.  Not in it:
-normal maps, light shaping, subdivision, point instancers, UDIM, depth of field.  What it meets and cannot
-honour is in `Tracer.warnings`.
+normal maps, light shaping, subdivision, point instancers, UDIM, depth of field; emissive meshes shine from
+their front sides only.  What it meets and cannot honour is in `Tracer.warnings`.
 """
 
 from __future__ import annotations
