@@ -2,8 +2,8 @@
 
 Every triangle is cut into n x n cells, two thirds of the spacing of elements wide or less.  A cell names the
 elements that its points may be nearest to: of the same part and side, with an agreeing normal, and seen
-from the cell rather than hidden behind a wall.  Triangles smaller than a cell share the entries of others
-beside them.  A point then compares its distance to those few.  kernels/lookup.cl holds the device twin.
+from the cell rather than hidden behind a wall.  Small triangles, and cells across a sliver, share entries.
+A point then compares its distance to those few.  kernels/lookup.cl holds the device twin.
 
     cell (i, j, upper) of (u, v):  i = floor(u n), j = floor(v n), upper: frac(u n) + frac(v n) > 1
     its number:                    i (2 n - i) + 2 j + upper,  0 .. n^2 - 1
@@ -32,12 +32,13 @@ ASKED = 10  # elements that are considered for them
 BATCH = 16384
 BLEND = 4  # of them are blended at a point
 CELLS_PER_SPACING = 1.5
-ENTRIES_PER_SPACING = 3.0  # whole triangles that are closer share their entry
+ENTRIES_PER_SPACING = 3.0  # cells that are closer may share their entry
 NORMAL_WEIGHT = 1.0  # spacings for a normal turned by one radian
 AGREES = 0.35  # least cosine between the normals of a point and its elements, where there is a choice
 LIFT = 0.2  # of their distance: how far cell and element are lifted to look at each other
 SLIVER = 4096  # cells that a triangle may have whatever its area
-MOST_CELLS = 1_000_000  # beside one for each triangle
+SMALL = 3  # divisions of triangles that share entries with others
+MOST_CELLS = 500_000  # beside one for each triangle
 
 
 @dataclass(frozen=True)
@@ -89,10 +90,11 @@ class ElementLookup:
         for side in (0, 1):
             sign = 1 - 2 * side
             live = np.flatnonzero(np.isfinite(spacing[part, side]))
-            whole = self.divisions[triangle[live]] == 1
-            rows, entry = _share_cells(
-                position[live], sign * shading[live], part[live] * 2 + side, spacing[part[live], side], whole
-            )
+            # Cells of small triangles may share with others of their group, those of large ones among
+            # themselves only: between two large triangles there may be a wall.
+            small = self.divisions[triangle[live]] <= SMALL
+            owner = np.where(small, -1 - part[live], triangle[live])
+            rows, entry = _share_cells(position[live], sign * shading[live], owner, spacing[part[live], side])
             rows = live[rows]
             near = _near_elements(
                 tracer,
@@ -230,11 +232,9 @@ def _cell_of(bary: NDArray, n: NDArray) -> NDArray[np.uint32]:
 
 
 def _share_cells(
-    position: NDArray, normal: NDArray, group: NDArray, spacing: NDArray, whole: NDArray
+    position: NDArray, normal: NDArray, owner: NDArray, spacing: NDArray
 ) -> tuple[NDArray[np.int64], NDArray[np.uint32]]:
-    """Finds cells that are as good as the same: a third of the spacing apart, alike in normal and group.
-
-    Only cells that are whole triangles (n,) share; those of a cut triangle may have a wall between them.
+    """Finds cells that are as good as the same: a third of the spacing apart, alike in normal and owner.
 
     Returns: one cell (entries,) for each entry, and the entry (n,) of each cell.
     """
@@ -242,10 +242,9 @@ def _share_cells(
         return np.zeros(0, np.int64), np.zeros(0, np.uint32)
     box = np.floor((position - position.min(0)) / (spacing[:, None] / ENTRIES_PER_SPACING)).astype(np.int64)
     turn = np.rint(normal * 2.5).astype(np.int64)
-    key = group.astype(np.uint64)
+    key = owner.astype(np.int64).astype(np.uint64)
     for column in (*box.T, *turn.T):
         key = key * np.uint64(0x9E3779B97F4A7C15) + column.astype(np.uint64)
-    key = np.where(whole, key | np.uint64(1 << 63), np.arange(len(key), dtype=np.uint64))
     _, first, entry = np.unique(key, return_index=True, return_inverse=True)
     return first, entry.astype(np.uint32)
 
@@ -303,7 +302,7 @@ def _in_sight(
     start = tracer.offset_points(position[row] + up * face[row], face[row])
     way = elements.position[e] + up * elements.geometric_normal[e] - start
     seen = good.copy()
-    seen[row, column] = ~tracer.occluded(start, way, 0.999)
+    seen[row, column] = ~tracer.occluded(start, way, 0.999, see_through=False)
     good = np.where(seen.any(1, keepdims=True), seen, good)
 
     gap2 = np.where(good, gap2, np.float32(np.inf))

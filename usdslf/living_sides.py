@@ -19,7 +19,8 @@ if TYPE_CHECKING:
     from usdslf.visibility import RayTracer
 
 BOUNCES = 5  # vertices of a path after its first
-ROUNDS = (2, 6, 16)  # paths per point; only points not yet reached go into the next round
+PROBE_ROUNDS = (2, 6, 16)  # paths per probe; only points not yet reached go into the next round
+ROUNDS = (1, 4)  # where neighbours are asked as well
 LOCAL = ("rect", "disk", "sphere", "cylinder")
 
 
@@ -30,7 +31,7 @@ def find_living_points(
     position: NDArray,
     normal: NDArray,
     rng: np.random.Generator,
-    rounds: tuple[int, ...] = ROUNDS,
+    rounds: tuple[int, ...] = PROBE_ROUNDS,
 ) -> NDArray[np.bool_]:
     """Tells which points can send light of the scene on.
 

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 ESCAPES = np.uint32(0xFFFFFFFF)  # nothing is hit
 BLOCKED = np.uint32(0xFFFFFFFE)  # a side is hit that no light reaches
 LEAST_COSINE = 0.005  # rays that a shading normal sends below the surface leave it at this angle
-BATCH = 32  # elements whose rays are traced and looked up at once
+BATCH = 64  # elements whose rays are traced and looked up at once
 FAR = np.float32(1e37)  # Embree's "no limit"
 CHUNK = 16384  # rays of one run: their records stay in the second-level cache
 MAX_LAYERS = 32  # see-through surfaces that a ray may pass
@@ -117,12 +117,18 @@ class RayTracer:
             self._pass_through(o, d, hits, stop_at_veils)
         return hits
 
-    def occluded(self, origins: NDArray, directions: NDArray, distance: NDArray | float = np.inf) -> NDArray:
+    def occluded(
+        self,
+        origins: NDArray,
+        directions: NDArray,
+        distance: NDArray | float = np.inf,
+        see_through: bool = True,
+    ) -> NDArray:
         """Tells which rays (n,) meet a surface within `distance` (scalar or (n,), in direction lengths)."""
         o, d = _rays(origins, directions)
         n = len(o)
         limit = np.minimum(np.broadcast_to(np.asarray(distance, np.float32), n), FAR)
-        if self._clear is None:
+        if self._clear is None or not see_through:
             blocked = np.empty(n, bool)
 
             def run(rows: slice) -> None:
@@ -292,11 +298,14 @@ def outgoing_directions(elements: Elements, bins: F32, rows: slice) -> F32:
     """World directions (n, D, 3) of bins (D, 3) of some elements, lifted where they are below the surface."""
     normal = elements.geometric_normal[rows]
     direction = bins @ elements.frame[rows]
-    leaning = np.flatnonzero((normal * elements.normal[rows]).sum(1) < 0.9999)
+    # The lowest bins are 3.5 degrees above the horizon.
+    leaning = np.flatnonzero((normal * elements.normal[rows]).sum(1) < np.cos(np.radians(3.2)))
     if len(leaning):
-        cosine = direction[leaning] @ normal[leaning, :, None]
-        lifted = direction[leaning] + np.maximum(LEAST_COSINE - cosine, 0) * normal[leaning, None]
-        direction[leaning] = lifted / np.linalg.norm(lifted, axis=2, keepdims=True)
+        cosine = (direction[leaning] @ normal[leaning, :, None])[..., 0]
+        which, bin_ = np.nonzero(cosine < LEAST_COSINE)
+        low = leaning[which], bin_
+        lifted = direction[low] + (LEAST_COSINE - cosine[which, bin_])[:, None] * normal[low[0]]
+        direction[low] = lifted / np.linalg.norm(lifted, axis=1, keepdims=True)
     return direction
 
 
