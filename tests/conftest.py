@@ -14,6 +14,8 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+import usdslf  # noqa: F401  (announces the stroke schema before a test opens a stage)
+
 if TYPE_CHECKING:
     from usdslf.gpu.device import Device
 

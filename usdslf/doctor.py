@@ -34,15 +34,21 @@ Row = tuple[str, str, str]
 
 
 def diagnose(device: str | None = None, ocio: str | None = None) -> Iterator[Row]:
-    """Yields what was found, row by row; a part that fails says so and does not end the rest."""
+    """Yields what was found, row by row; a part that fails says so and is raised after the rest.
+
+    Raises: DeviceError without an OpenCL device, InputError for an OpenColorIO config that cannot be used.
+    """
+    failed: list[UsdslfError] = []
     yield "versions", "usdslf", usdslf.__version__
     yield "versions", "Python", f"{platform.python_version()} on {platform.platform()}"
     for package in PACKAGES:
         yield "versions", package, _version(package)
-    yield from _opencl(device)
-    yield from _color(ocio)
+    yield from _opencl(device, failed)
+    yield from _color(ocio, failed)
     yield "hydra", "viewport", hydra_state()
     yield from _folders()
+    for error in failed:
+        raise error
 
 
 def _version(package: str) -> str:
@@ -52,7 +58,7 @@ def _version(package: str) -> str:
         return "not installed" + (" (optional)" if package in OPTIONAL else "; install it with pip")
 
 
-def _opencl(name: str | None) -> Iterator[Row]:
+def _opencl(name: str | None, failed: list[UsdslfError]) -> Iterator[Row]:
     try:
         from usdslf.gpu.device import list_devices, open_device
 
@@ -61,6 +67,7 @@ def _opencl(name: str | None) -> Iterator[Row]:
         device = open_device(name)
     except UsdslfError as error:
         yield "opencl", "in use", f"none: {error}"
+        failed.append(error)
         return
     yield "opencl", "in use", f"{device.name}, chosen by {_chooser(name)}"
     # The largest array is a radiance field: three floats a direction and element.
@@ -75,13 +82,14 @@ def _chooser(name: str | None) -> str:
     return "PYOPENCL_CTX" if os.environ.get("PYOPENCL_CTX") else "default (a GPU before a CPU)"
 
 
-def _color(ocio: str | None) -> Iterator[Row]:
+def _color(ocio: str | None, failed: list[UsdslfError]) -> Iterator[Row]:
     try:
         from usdslf.color import Color
 
         yield "colour", "OpenColorIO config", Color(ocio).config_name
-    except (UsdslfError, ImportError) as error:
+    except UsdslfError as error:
         yield "colour", "OpenColorIO config", f"none: {error}"
+        failed.append(error)
 
 
 def hydra_state() -> str:
