@@ -3,8 +3,9 @@
     python tests/compare_pictures.py OUT [NAME ...] [--stage FILE --camera PRIM] [--width W] [--height H]
                                      [--samples N] [--spp N] [--elements N] [--paths]
 
-Writes to OUT for each: the stage, both pictures, the difference (red: too bright, blue: too dark; full at 20 %), and prints
-mean and 95th percentile of the relative error after 5 x 5 averaging.  The path tracer's picture is kept and used again.
+Writes to OUT for each: the stage, both pictures, the difference (red: too bright, blue: too dark; full at 20 %),
+and prints mean and 95th percentile of the relative error after 5 x 5 averaging.  The path tracer's picture is kept
+and used again.
 """
 
 from __future__ import annotations
@@ -16,9 +17,9 @@ from pathlib import Path
 
 sys.path[:0] = [str(Path(__file__).resolve().parents[1]), str(Path(__file__).resolve().parent)]
 
-import numpy as np
-from numpy.typing import NDArray
-from render_stages import CAMERA, STAGES, error_map
+import numpy as np  # noqa: E402
+from numpy.typing import NDArray  # noqa: E402
+from render_stages import CAMERA, STAGES, error_map  # noqa: E402
 
 
 def truth_of(stage: Path, camera: str, size: tuple[int, int], spp: int, kept: Path) -> NDArray:

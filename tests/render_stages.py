@@ -87,11 +87,17 @@ def mirrors(folder: Path) -> Path:
     """Near-mirrors that show a noisy texture and each other, by a disk light and a faint dome."""
     b = StageBuilder(folder)
     cloth = TextureInput(b.image("cloth.png", noise((0.1, 0.2, 0.5), (0.9, 0.8, 0.4), 5)))
-    b.mesh("table", rectangle((-3, 0, 3), (6, 0, 0), (0, 0, -6), 2.0), b.material("cloth", diffuseColor=cloth, roughness=0.9))
+    b.mesh(
+        "table",
+        rectangle((-3, 0, 3), (6, 0, 0), (0, 0, -6), 2.0),
+        b.material("cloth", diffuseColor=cloth, roughness=0.9),
+    )
     b.mesh("wall", rectangle((-3, 0, -2), (6, 0, 0), (0, 4, 0)), _matte(b, "wall", (0.5, 0.35, 0.3)))
     chrome = b.material("chrome", diffuseColor=(0.9, 0.9, 0.92), metallic=1.0, roughness=0.03)
     b.mesh("ball", ball(0.55, 96), chrome, (-0.65, 0, 0))
-    glaze = b.material("glaze", useSpecularWorkflow=1, diffuseColor=(0.3, 0.04, 0.04), specularColor=(0.2, 0.2, 0.2), roughness=0.08)
+    glaze = b.material(
+        "glaze", useSpecularWorkflow=1, diffuseColor=(0.3, 0.04, 0.04), specularColor=(0.2, 0.2, 0.2), roughness=0.08
+    )
     b.mesh("egg", ball(0.5, 96), glaze, (0.7, 0, 0.3))
     b.dome_light("sky", 0.25, (0.8, 0.9, 1.0))
     light = UsdLux.DiskLight.Define(b.stage, "/World/disk")
@@ -111,7 +117,13 @@ def emissive(folder: Path) -> Path:
     b.mesh("panel", box(1.0, 0.04, 0.8), panel, (0, 2.9, 0.1))
     copper = b.material("copper", diffuseColor=(0.95, 0.6, 0.45), metallic=1.0, roughness=0.4)
     b.mesh("ring", torus(0.5, 0.2), copper, (-0.7, 0, 0.4))
-    b.mesh("block", box(0.8, 1.4, 0.8), b.material("block", diffuseColor=(0.2, 0.4, 0.6), roughness=0.4), (0.8, 0, -0.5), 30)
+    b.mesh(
+        "block",
+        box(0.8, 1.4, 0.8),
+        b.material("block", diffuseColor=(0.2, 0.4, 0.6), roughness=0.4),
+        (0.8, 0, -0.5),
+        30,
+    )
     return b.save()
 
 
@@ -120,7 +132,9 @@ def implicit(folder: Path) -> Path:
     b = StageBuilder(folder)
     b.plane("ground", 8, 8, _matte(b, "ground", (0.5, 0.5, 0.5)))
     b.sphere("red", 0.5, b.material("red", diffuseColor=(0.6, 0.1, 0.08), roughness=0.5), (-0.8, 0.5, 0))
-    b.sphere("silver", 0.4, b.material("silver", diffuseColor=(0.9, 0.9, 0.9), metallic=1.0, roughness=0.2), (0.2, 0.4, 0.8))
+    b.sphere(
+        "silver", 0.4, b.material("silver", diffuseColor=(0.9, 0.9, 0.9), metallic=1.0, roughness=0.2), (0.2, 0.4, 0.8)
+    )
     b.cube("cube", (0.8, 0.8, 0.8), _matte(b, "blue", (0.15, 0.25, 0.6)), (0.9, 0, -0.2), 30)
     b.dome_light("sky", 0.3)
     b.distant_light("sun", (0.7, -1.0, -0.3), 8.0, 1.5)

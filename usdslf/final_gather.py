@@ -12,27 +12,27 @@ full detail, corners get no leaks, and no path is long enough to be noisy.
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, fields
-from typing import Any, Protocol
+from dataclasses import dataclass, replace
+from typing import Protocol, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from usdslf.gpu.device import Device
-from usdslf.light_set import Arrival, LightSet, Source, brightest, dot, luminance
+from usdslf.light_set import Arrival, LightSet, Source, brightest, dot
 from usdslf.scene import F32, I32, Scene
-from usdslf.surface import SurfacePoints, evaluate_surface
+from usdslf.shading import COLUMNS, Lobes, ShadingPoints, reflect, shading_points
+from usdslf.surface import evaluate_surface
 from usdslf.visibility import Hits, RayTracer
-from usdslf.wide_field import WideField
+from usdslf.wide_field import Links, WideField
 
 CHUNK = 1 << 14  # points that one thread works on: their rays stay in the caches
-GROUP = 64  # work items of a group
-WEIGHTS = 5  # X, Y, A, B, coat
-MIN_ALPHA = 4e-4  # kernels/render.cl
 FOOTPRINT = 12.0  # element areas that a ray's footprint must cover for the light field to be good enough
 WIDE_PDF = 2.0  # [1/sr] density up to which a ray reads the light field averaged over directions
 SHARP_PDF = 8.0  # [1/sr] density from which on a ray counts as a reflection
-CAUSTIC_ROUGHNESS = 0.3  # smoother surfaces are not followed by rays of wide lobes: that is what fireflies are
+# Smoother surfaces count as this rough for rays of wide lobes that follow them: found by chance, their highlights
+# would be fireflies.  Source: Kaplanyan and Dachsbacher 2013, path space regularization.
+CAUSTIC_ROUGHNESS = 0.35
 MAX_DEPTH = 6  # surfaces followed after the first
 
 
@@ -43,27 +43,6 @@ class RadianceOfHits(Protocol):
 
 
 @dataclass(frozen=True)
-class ShadingPoints:
-    """n points as seen from somewhere, normals on the side of the viewer."""
-
-    position: F32  # (n, 3)
-    origin: F32  # (n, 3) off the surface, where rays start
-    geometric_normal: F32  # (n, 3)
-    normal: F32  # (n, 3)
-    view: F32  # (n, 3) unit, towards the viewer
-    lobes: F32  # (n, 4) alpha, alpha of the coat, chance of the specular lobe, chance of the coat
-    coat: F32  # (n, 2) strength, F0
-    colors: F32  # (n, 9) d, F0, F90
-    emission: F32  # (n, 3)
-
-    def __len__(self) -> int:
-        return len(self.position)
-
-    def __getitem__(self, rows: Any) -> ShadingPoints:
-        return ShadingPoints(**{f.name: getattr(self, f.name)[rows] for f in fields(self)})
-
-
-@dataclass(frozen=True)
 class Illumination:
     """Demodulated light at n points: columns (n, 5, 3), and radiance that needs no filter (n, 3)."""
 
@@ -71,49 +50,6 @@ class Illumination:
     direct: F32  # (n, 5, 3) from domes, and from lights that rays of the lobes met
     indirect: F32  # (n, 5, 3) from surfaces
     exact: F32  # (n, 3) reflected from lights without extent, which have no noise
-
-
-def shading_points(surface: SurfacePoints, view: F32, tracer: RayTracer) -> ShadingPoints:
-    """Turns surface points to their viewer.
-
-    A shading normal that points away from the viewer is bent until it is seen just so, and the chance of each lobe
-    is set by what it reflects.
-    """
-    side = np.where(dot(surface.geometric_normal, view) < 0, np.float32(-1), np.float32(1))[:, None]
-    geometric, normal = surface.geometric_normal * side, surface.normal * side
-    facing = dot(normal, view)
-    least = np.minimum(0.02, np.maximum(dot(geometric, view), 1e-3))
-    lift = np.maximum(least - facing, 0)
-    normal = normal + (1.5 * lift)[:, None] * view
-    normal /= np.maximum(np.sqrt(dot(normal, normal)), 1e-12)[:, None]
-    cosine = np.clip(dot(normal, view), 0, 1)
-    f = ((1 - cosine) ** 5)[:, None]
-    specular = luminance(surface.f0 + (surface.f90 - surface.f0) * f)
-    diffuse = luminance(surface.diffuse)
-    share = np.clip(specular / np.maximum(specular + diffuse, 1e-6), 0.2, 0.85)
-    share = np.where(diffuse > 1e-4 * specular, share, 1)
-    coat_share = 0.25 * surface.clearcoat
-    alpha = np.maximum(surface.roughness**2, MIN_ALPHA)
-    coat_alpha = np.maximum(surface.clearcoat_roughness**2, MIN_ALPHA)
-    lobes = np.stack([alpha, coat_alpha, share * (1 - coat_share), coat_share], -1)
-    return ShadingPoints(
-        position=surface.position,
-        origin=tracer.offset_points(surface.position, geometric, surface.triangle),
-        geometric_normal=geometric.astype(np.float32),
-        normal=normal.astype(np.float32),
-        view=np.ascontiguousarray(view, np.float32),
-        lobes=lobes.astype(np.float32),
-        coat=np.stack([surface.clearcoat, surface.coat_f0], -1).astype(np.float32),
-        colors=np.concatenate([surface.diffuse, surface.f0, surface.f90], -1).astype(np.float32),
-        emission=surface.emission,
-    )
-
-
-def reflect(colors: F32, columns: F32) -> F32:
-    """Returns the radiance (n, 3) that surfaces of colours (n, 9) make of light columns (n, 5, 3)."""
-    d, f0, f90 = colors[:, :3], colors[:, 3:6], colors[:, 6:]
-    x, y, a, b, coat = (columns[:, i] for i in range(WEIGHTS))
-    return d * ((1 - f0) * x + (1 - f90) * y) + f0 * a + f90 * b + coat
 
 
 class Gatherer:
@@ -140,47 +76,12 @@ class Gatherer:
         """
         self.scene, self.tracer, self.lights, self.light_field = scene, tracer, lights, light_field
         self.device, self.element_area, self.depth, self.footprint = device, element_area, depth, footprint
-        self._wide_field = WideField(device, light_field) if hasattr(light_field, "link_hits") else light_field
+        self._wide_field: RadianceOfHits | None = light_field
+        if hasattr(light_field, "link_hits"):
+            self._wide_field = WideField(device, cast(Links, light_field))
         low, high = scene.bounds
         self.center = ((low + high) / 2).astype(np.float32)
-        self._sequence = device.kernel("render", "sequence_points")
-        self._sample = device.kernel("render", "sample_lobes")
-        self._evaluate = device.kernel("render", "evaluate_lobes")
-
-    # ── the two kernels ──────────────────────────────────────────────────────────────────────────
-
-    def sequence(self, index: NDArray[np.uint32], seed: int) -> F32:
-        """Returns points (n, 2) of the unit square."""
-        d, n = self.device, len(index)
-        if n == 0:
-            return np.zeros((0, 2), np.float32)
-        out = d.empty((n, 2), np.float32)
-        self._sequence((_up(n),), (GROUP,), np.uint32(n), np.uint32(seed), d.upload(index.astype(np.uint32)), out)
-        return d.download(out)
-
-    def sample_lobes(
-        self, p: ShadingPoints, index: NDArray[np.uint32], k: int, seed: int
-    ) -> tuple[F32, F32, F32]:
-        """Draws k directions at each point: direction (n, k, 3), pdf (n, k), weight over pdf (n, k, 5)."""
-        d, n = self.device, len(p)
-        if n == 0:
-            return np.zeros((0, k, 3), np.float32), np.zeros((0, k), np.float32), np.zeros((0, k, 5), np.float32)
-        direction, pdf = d.empty((n, k, 3), np.float32), d.empty((n, k), np.float32)
-        weight = d.empty((n, k, WEIGHTS), np.float32)
-        up = [d.upload(a) for a in (index.astype(np.uint32), p.normal, p.view, p.lobes, p.coat)]
-        sizes = np.uint32(n), np.uint32(k), np.uint32(seed)
-        self._sample((_up(n * k),), (GROUP,), *sizes, *up, direction, pdf, weight)
-        return d.download(direction), d.download(pdf), d.download(weight)
-
-    def evaluate_lobes(self, p: ShadingPoints, rows: NDArray[np.intp], direction: F32) -> tuple[F32, F32]:
-        """Returns pdf (m,) and weights (m, 5) of one direction for each of some points."""
-        d, n = self.device, len(rows)
-        if n == 0:
-            return np.zeros(0, np.float32), np.zeros((0, WEIGHTS), np.float32)
-        pdf, weight = d.empty((n,), np.float32), d.empty((n, WEIGHTS), np.float32)
-        up = [d.upload(a) for a in (*(np.take(a, rows, 0) for a in (p.normal, p.view, p.lobes, p.coat)), direction)]
-        self._evaluate((_up(n),), (GROUP,), np.uint32(n), *up, pdf, weight)
-        return d.download(pdf), d.download(weight)
+        self._lobes = Lobes(device)
 
     # ── the first surface ────────────────────────────────────────────────────────────────────────
 
@@ -243,7 +144,7 @@ class Gatherer:
         `times` > 0 asks for domes only, with so many times the samples.
         """
         n = len(p)
-        near, far = np.zeros((n, WEIGHTS, 3), np.float32), np.zeros((n, WEIGHTS, 3), np.float32)
+        near, far = np.zeros((n, COLUMNS, 3), np.float32), np.zeros((n, COLUMNS, 3), np.float32)
         exact = np.zeros((n, 3), np.float32)
         for s, source in enumerate(self.lights.sources):
             is_dome = s in self.lights.dome_range
@@ -252,7 +153,7 @@ class Gatherer:
             count = 1 if source.is_delta else light_samples * max(times, 1)
             index = place if is_dome else near_place
             for j in range(count):
-                u = self.sequence(index * np.uint32(count) + np.uint32(j), 1000 + seed + s)
+                u = self._lobes.sequence(index * np.uint32(count) + np.uint32(j), 1000 + seed + s)
                 arrival = source.sample(p.position, u)
                 rows, weight, rest = self._weigh(p, arrival, source, np.float32(light_samples / rays))
                 if source.is_delta:
@@ -274,7 +175,7 @@ class Gatherer:
         """Returns columns (n, 5, 3) of what rays of the lobes meet: of lights, and of surfaces."""
         n, share = len(p), light_samples / rays
         rays *= times
-        direction, pdf, weight = self.sample_lobes(p, place * np.uint32(rays), rays, seed)
+        direction, pdf, weight = self._lobes.sample(p, place * np.uint32(rays), rays, seed)
         alive = np.flatnonzero((pdf > 0).reshape(-1))
         point = alive // rays
         direction, pdf = direction.reshape(-1, 3)[alive], pdf.reshape(-1)[alive]
@@ -307,22 +208,21 @@ class Gatherer:
         direction = arrival.direction[rows]
         blocked = self.tracer.occluded(p.origin[rows], direction, arrival.distance[rows] * np.float32(1 - 1e-4))
         rows, direction = rows[~blocked], direction[~blocked]
-        lobe_pdf, weight = self.evaluate_lobes(p, rows, direction)
-        weight *= np.float32([source.diffuse] * 2 + [source.specular] * 3)
+        lobe_pdf, weight = self._lobes.evaluate(p, rows, direction)
+        weight *= np.array([source.diffuse] * 2 + [source.specular] * 3, np.float32)
         density = arrival.pdf[rows]
         if arrival.is_delta or source.is_split:
             share = np.ones_like(density)
         else:
-            sampled = density * (ratio[rows] if np.ndim(ratio) else ratio)
+            sampled = density * np.broadcast_to(ratio, len(arrival.pdf))[rows]
             share = sampled / (sampled + lobe_pdf)
         return rows, weight, arrival.radiance[rows] * (share / density)[:, None]
 
-    def _lights_met(
-        self, origin: F32, direction: F32, pdf: F32, ratio: F32, met: Hits, mirrored: NDArray
-    ) -> F32:
+    def _lights_met(self, origin: F32, direction: F32, pdf: F32, ratio: F32, met: Hits, mirrored: NDArray) -> F32:
         """Returns what lights, domes and emissive surfaces send along rays (n, 3), weighted against their sampling.
 
-        `ratio` (n, sources): samples of each source for one ray.  Mirrored rays stand for directions in which nothing was sampled.
+        `ratio` (n, sources): samples of each source for one ray.  Mirrored rays stand for directions in which
+        nothing was sampled.
         """
         out = np.zeros((len(origin), 3), np.float32)
 
@@ -387,11 +287,9 @@ class Gatherer:
         if len(at):
             surface = evaluate_surface(self.scene, triangle[at], barycentric[at])
             if np.isfinite(self.footprint):
-                caustic = (surface.roughness < CAUSTIC_ROUGHNESS) & (least_pdf[rows[at]] < SHARP_PDF)
-                follow[at[caustic]] = False
-                keep = np.flatnonzero(~caustic)
-                at = at[keep]
-                surface = take_points(surface, keep)
+                wide = least_pdf[rows[at]] < SHARP_PDF
+                rougher = np.maximum(surface.roughness, CAUSTIC_ROUGHNESS)
+                surface = replace(surface, roughness=np.where(wide, rougher, surface.roughness))
             q = shading_points(surface, -d[at], self.tracer)
             out = self._outgoing(q, index[rows[at]], depth, least_pdf[rows[at]], seed)
             # a ray is stopped here with the probability `opacity`; what is reflected is not scaled by that
@@ -417,9 +315,7 @@ class Gatherer:
                 out[at] = field.radiance_from_hits(triangle[at], barycentric[at], direction[at])
         return out
 
-    def _outgoing(
-        self, p: ShadingPoints, index: NDArray[np.uint32], depth: int, least_pdf: F32, seed: int
-    ) -> F32:
+    def _outgoing(self, p: ShadingPoints, index: NDArray[np.uint32], depth: int, least_pdf: F32, seed: int) -> F32:
         """Returns the reflected radiance (n, 3) of points on the way: one sample of one source, one ray onwards."""
         n = len(p)
         out = np.zeros((n, 3), np.float32)
@@ -427,10 +323,10 @@ class Gatherer:
         chances = np.zeros((n, 0), np.float32)
         if self.lights.sources:
             chances = self.lights.chances(p.position)
-            u = self.sequence(index, stream + 1)
+            u = self._lobes.sequence(index, stream + 1)
             pick = (np.cumsum(chances, 1) < u[:, :1]).sum(1)
             pick = np.minimum(pick, len(self.lights.sources) - 1)
-            u = self.sequence(index, stream + 2)
+            u = self._lobes.sequence(index, stream + 2)
             for s, source in enumerate(self.lights.sources):
                 rows = np.flatnonzero(pick == s)
                 if not len(rows):
@@ -440,21 +336,12 @@ class Gatherer:
                 lit, weight, radiance = self._weigh(q, arrival, source, chance)
                 light = weight[:, :, None] * (radiance / chance[lit, None])[:, None]
                 out[rows[lit]] += reflect(q.colors[lit], light)
-        direction, pdf, weight = self.sample_lobes(p, index, 1, stream + 3)
-        rows = np.flatnonzero(pdf[:, 0] > 0)
-        q, pdf = p[rows], pdf[rows, 0]
-        least = np.minimum(least_pdf[rows], pdf)
-        lit, bounced = self._incoming(
-            q.origin, q.geometric_normal, direction[rows, 0], pdf, chances[rows], index[rows], depth + 1, least, seed
+        direction, pdf, weight = (a[:, 0] for a in self._lobes.sample(p, index, 1, stream + 3))
+        rows = np.flatnonzero(pdf > 0)
+        q, density = p[rows], pdf[rows]
+        least = np.minimum(least_pdf[rows], density)
+        shone, bounced = self._incoming(
+            q.origin, q.geometric_normal, direction[rows], density, chances[rows], index[rows], depth + 1, least, seed
         )
-        out[rows] += reflect(q.colors, weight[rows, 0, :, None] * (lit + bounced)[:, None])
+        out[rows] += reflect(q.colors, weight[rows][:, :, None] * (shone + bounced)[:, None])
         return out
-
-
-def take_points(surface: SurfacePoints, rows: I32 | NDArray) -> SurfacePoints:
-    """Returns some of the points."""
-    return SurfacePoints(**{f.name: getattr(surface, f.name)[rows] for f in fields(surface)})
-
-
-def _up(n: int) -> int:
-    return -(-n // GROUP) * GROUP

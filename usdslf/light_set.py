@@ -154,7 +154,7 @@ class EmissiveSurfaces:
         chosen = np.flatnonzero(may_emit[t.material] & (t.areas > 0)) if len(t.material) else np.zeros(0, int)
         power = np.zeros(len(chosen))
         for corner in ((1 / 3, 1 / 3), (0.1, 0.1), (0.8, 0.1), (0.1, 0.8)):
-            at = np.broadcast_to(np.float32(corner), (len(chosen), 2))
+            at = np.broadcast_to(np.array(corner, np.float32), (len(chosen), 2))
             if len(chosen):
                 power += luminance(emission(chosen.astype(np.int32), at)) / 4
         power = np.maximum(power * t.areas[chosen], 0)

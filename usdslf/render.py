@@ -20,22 +20,18 @@ from numpy.typing import NDArray
 
 from usdslf.camera_rays import camera_rays, pixel_size
 from usdslf.errors import InputError
-from usdslf.final_gather import Gatherer, Illumination, RadianceOfHits, ShadingPoints, reflect, shading_points
+from usdslf.final_gather import FOOTPRINT, MAX_DEPTH, Gatherer, RadianceOfHits
 from usdslf.gpu.device import Device
-from usdslf.light_set import LightSet, brightest, dot, luminance
+from usdslf.light_filter import TILE, LightFilter, morton_place
+from usdslf.light_set import LightSet, brightest
 from usdslf.scene import F32, Camera, Light, Scene
+from usdslf.shading import ShadingPoints, reflect, shading_points
 from usdslf.surface import SurfacePoints, evaluate_surface
 from usdslf.visibility import RayTracer
 
-TILE = 8  # samples on a side that share one low-discrepancy set
 NEAR_TILE = 4  # the same for lights that have a place: their shadows are blurred by no more
-NOISE = 0.015  # relative uncertainty of filtered light above which more samples are spent
-REFINE_MOST = 8  # how many times as many
-REFINE_BUDGET = 1.0  # of the samples of the first round, for all that is spent on refining
 BAND = 300_000  # samples in a band
 LAYERS = 8  # see-through surfaces that a camera ray shows
-LOBE_SHARE = 1.0  # filter: mirror directions may differ by this many alphas
-NORMAL_COSINE = 0.95  # filter: normals may differ by 18 degrees
 AOVS = {
     "color": 3, "direct": 3, "indirect": 3, "albedo": 3, "specular": 3, "roughness": 1, "emission": 3,
     "normal": 3, "position": 3, "depth": 1, "material": 1, "mesh": 1, "alpha": 1,
@@ -75,8 +71,8 @@ def render(
     element_area: float | None = None,
     elements: int = 10000,
     hide_lights: bool = False,
-    depth: int | None = None,
-    footprint: float | None = None,
+    depth: int = MAX_DEPTH,
+    footprint: float = FOOTPRINT,
     seed: int = 0,
 ) -> dict[str, F32]:
     """Renders a picture.
@@ -93,13 +89,11 @@ def render(
 
     Returns: name -> (height, width, channels).
     """
-    state: dict[str, F32] = {}
-    for _, state in render_bands(
+    *_, (_, pictures) = render_bands(
         scene, camera, size, tracer, light_field, lights, device, samples, aovs, element_area, elements,
         hide_lights, depth, footprint, seed,
-    ):  # fmt: skip
-        pass
-    return state
+    )  # fmt: skip
+    return pictures
 
 
 def render_bands(
@@ -115,8 +109,8 @@ def render_bands(
     element_area: float | None = None,
     elements: int = 10000,
     hide_lights: bool = False,
-    depth: int | None = None,
-    footprint: float | None = None,
+    depth: int = MAX_DEPTH,
+    footprint: float = FOOTPRINT,
     seed: int = 0,
 ) -> Iterator[tuple[float, dict[str, F32]]]:
     """As `render`, but yields after each band: the share that is done and the pictures so far."""
@@ -128,9 +122,8 @@ def render_bands(
         raise InputError(f"unknown AOV '{unknown[0]}'; choose from {', '.join(AOVS)}")
     if element_area is None:
         element_area = float(scene.triangles.areas.sum()) / max(elements, 1)
-    options = {k: v for k, v in (("depth", depth), ("footprint", footprint)) if v is not None}
     light_set = LightSet(scene, lights)
-    gatherer = Gatherer(scene, tracer, light_set, light_field, device, element_area, **options)
+    gatherer = Gatherer(scene, tracer, light_set, light_field, device, element_area, depth, footprint)
     view = _View(scene, camera, size, Quality.of(samples), gatherer, hide_lights, seed)
     out = {name: np.zeros((height, width, AOVS[name]), np.float32) for name in dict.fromkeys(("color", *aovs))}
     rows = view.rows_of_band()
@@ -166,8 +159,6 @@ class _View:
     ) -> None:
         self.scene, self.camera, self.size, self.quality = scene, camera, size, quality
         self.gatherer, self.tracer, self.hide_lights, self.seed = gatherer, gatherer.tracer, hide_lights, seed
-        self._filter = gatherer.device.kernel("render", "filter_light")
-        self._noise = gatherer.device.kernel("render", "window_noise")
 
     def rows_of_band(self) -> int:
         """Rows of pixels in a band."""
@@ -182,8 +173,8 @@ class _View:
         grid_width, grid_height = self.size[0] * a, (high - low) * a
         y, x = np.divmod(np.arange(grid_width * grid_height), grid_width)
         y += low * a
-        place = _morton(x % TILE, y % TILE)
-        near_place = _morton(x % NEAR_TILE, y % NEAR_TILE)
+        place = morton_place(x % TILE, y % TILE)
+        near_place = morton_place(x % NEAR_TILE, y % NEAR_TILE)
         # the samples of a pixel are rooks: no two share a row or a column; edges come out alike in all pixels
         at_x, at_y = x + (y % a + 0.5) / a, y + (a - 1 - x % a + 0.5) / a
         at = np.stack([at_x / grid_width, at_y / (self.size[1] * a)], -1)
@@ -198,10 +189,12 @@ class _View:
         origin, travelled = rays.origin.copy(), np.zeros(n, np.float32)
         rows = np.arange(n)
         for layer in range(LAYERS):
-            seen, lit_rows = self._look(rows, origin, rays.direction, rays.limit - travelled, through, sums)
+            seen = self._look(rows, origin, rays.direction, rays.limit - travelled, through, sums)
             if seen is None:
                 break
-            self._add_layer(seen, layer, through, (place, near_place), (grid_width, grid_height), sums, travelled + rays.near)
+            self._add_layer(
+                seen, layer, through, (place, near_place), (grid_width, grid_height), sums, travelled + rays.near
+            )
             opacity = seen.surface.opacity
             open_ = np.flatnonzero(opacity < 1 - 1e-3)
             rows = seen.rows[open_]
@@ -215,7 +208,7 @@ class _View:
 
     def _look(
         self, rows: NDArray, origin: F32, direction: F32, limit: F32, through: F32, sums: dict[str, F32]
-    ) -> tuple[_Seen | None, NDArray]:
+    ) -> _Seen | None:
         """Finds what camera rays see next; adds lights and domes that are in view."""
         o, d, far = origin[rows], direction[rows], limit[rows]
         met = self.tracer.intersect(o, d, stop_at_veils=True)
@@ -223,7 +216,7 @@ class _View:
         distance = np.where(hit, met.distance, np.inf).astype(np.float32)
         lights = self.gatherer.lights
         if not self.hide_lights:
-            where, radiance = lights.seen(o, d, np.minimum(distance, far))
+            _, radiance = lights.seen(o, d, np.minimum(distance, far))
             in_light = brightest(radiance) > 0
             hit &= ~in_light
             escaped = np.flatnonzero(~hit & ~in_light)
@@ -235,10 +228,10 @@ class _View:
             through[rows[in_light]] = 0
         at = np.flatnonzero(hit)
         if not len(at):
-            return None, rows
+            return None
         surface = evaluate_surface(self.scene, met.triangle[at], met.barycentric[at])
         points = shading_points(surface, -d[at], self.tracer)
-        return _Seen(rows[at], surface, points, distance[at]), rows
+        return _Seen(rows[at], surface, points, distance[at])
 
     def _add_layer(
         self,
@@ -254,110 +247,45 @@ class _View:
         q, s = self.quality, seen.surface
         place, near_place = (p[seen.rows] for p in places)
         light = self.gatherer.gather(seen.points, place, near_place, q.rays, q.light_samples, self.seed)
-        features = self._features(seen, grid, travelled)
-        light = self._refine(seen, grid, features, place, light)
-        direct = self._filtered(seen, grid, features, light.direct, TILE) + light.exact
-        direct += self._filtered(seen, grid, features, light.sampled, NEAR_TILE)
-        indirect = self._filtered(seen, grid, features, light.indirect, TILE)
+        pixel = pixel_size(self.camera, seen.distance + travelled[seen.rows], self.size)
+        light_filter = LightFilter(
+            self.gatherer.device, grid, seen.rows, seen.points, s.material, pixel, self.gatherer.center
+        )
+        rest = light.exact + reflect(seen.points.colors, light.sampled) + s.emission
+        times, uncertain = light_filter.uncertain_points(light.direct + light.indirect, rest, place)
+        if len(uncertain):
+            more = self.gatherer.gather_more(
+                seen.points[uncertain], place[uncertain], q.rays, q.light_samples, times, self.seed + 5000
+            )
+            for total, part in zip((light.direct, light.indirect), more):
+                total[uncertain] += np.float32(times / (times + 1)) * (part - total[uncertain])
+            light_filter.set_weight(uncertain, times + 1)
+        direct = light_filter.radiance(light.direct, TILE) + light.exact
+        direct += light_filter.radiance(light.sampled, NEAR_TILE)
+        indirect = light_filter.radiance(light.indirect, TILE)
         share = through[seen.rows] * s.presence[:, None]
         sums["color"][seen.rows] += share * (direct + indirect + s.emission)
         cover = through[seen.rows] * s.opacity[:, None]
-        values = {
+        values: dict[str, tuple[F32, NDArray]] = {
             "direct": (share, direct), "indirect": (share, indirect), "emission": (share, s.emission),
             "albedo": (cover, s.diffuse), "specular": (cover, s.f0), "roughness": (cover, s.roughness[:, None]),
-            "alpha": (cover, np.float32(1)),
+            "alpha": (cover, np.ones_like(cover)),
         }  # fmt: skip
-        for name, (weight, value) in values.items():
+        for name, (weight, part) in values.items():
             if name in sums:
-                sums[name][seen.rows] += weight * value
+                sums[name][seen.rows] += weight * part
         if layer == 0:
             axis = -self.camera.world_from_camera[:3, 2]
             depth = (s.position - self.camera.world_from_camera[:3, 3]) @ axis
-            values_first = {
+            firsts: dict[str, NDArray] = {
                 "normal": seen.points.normal, "position": s.position, "depth": depth[:, None],
                 "material": s.material[:, None], "mesh": s.mesh[:, None],
             }  # fmt: skip
-            for name, value in values_first.items():
+            for name, first in firsts.items():
                 if name in sums:
-                    sums[name][seen.rows] = value
+                    sums[name][seen.rows] = first
 
-    def _features(self, seen: _Seen, grid: tuple[int, int], travelled: F32) -> F32:
-        """Returns what the filter compares, (grid height * grid width, 13)."""
-        p, n = seen.points, len(seen.rows)
-        mirror = 2 * dot(p.normal, p.view)[:, None] * p.normal - p.view
-        footprint = pixel_size(self.camera, seen.distance + travelled[seen.rows], self.size)
-        lean = np.maximum(np.abs(dot(p.geometric_normal, p.view)), 0.05)
-        kind = 2.0 * seen.surface.material + (p.lobes[:, 2] + p.lobes[:, 3] > 0.999)
-        out = np.full((grid[1] * grid[0], 13), -1, np.float32)
-        out[seen.rows] = np.concatenate(
-            [
-                p.position - self.gatherer.center,
-                p.normal,
-                mirror,
-                p.lobes[:, :1],
-                (footprint * (0.5 + 0.1 / lean)).reshape(n, 1),
-                kind.reshape(n, 1),
-                np.ones((n, 1), np.float32),
-            ],
-            1,
-        )
-        return out
-
-    def _refine(
-        self, seen: _Seen, grid: tuple[int, int], features: F32, place: NDArray, light: Illumination
-    ) -> Illumination:
-        """Gathers once more, with several times the samples, where the filtered light is still uncertain.
-
-        Weights go to the features.
-        """
-        q, d, (width, height) = self.quality, self.gatherer.device, grid
-        columns = light.direct + light.indirect
-        colors = seen.points.colors
-        matte = reflect(colors, columns * np.float32([1, 1, 0, 0, 0])[:, None])
-        value = np.zeros((width * height, 2), np.float32)
-        value[seen.rows, 0] = luminance(matte)
-        value[seen.rows, 1] = luminance(reflect(colors, columns)) - value[seen.rows, 0]
-        places = np.zeros(width * height, np.uint32)
-        places[seen.rows] = place
-        noise = d.empty((width * height, 3), np.float32)
-        sizes = np.int32(width), np.int32(height), np.int32(TILE), np.float32(LOBE_SHARE), np.float32(NORMAL_COSINE)
-        self._noise(_groups(grid), (16, 4), *sizes, d.upload(features), d.upload(places), d.upload(value), noise)
-        mean, variance, count = d.download(noise)[seen.rows].T
-        whole = mean + luminance(light.exact + reflect(colors, light.sampled)) + luminance(seen.points.emission)
-        error = np.sqrt(variance) / (whole + 0.05 * max(float(whole.mean()), 1e-12))
-        sharp = (count < TILE) & (value[seen.rows, 1] > 0.1 * whole)  # alone: nothing to judge by
-        error = np.where(sharp, np.maximum(error, 2 * NOISE), error)
-        times, wanted = _worst_tiles(error, seen.rows, grid)
-        if not len(wanted):
-            return light
-        direct, indirect = self.gatherer.gather_more(
-            seen.points[wanted], place[wanted], q.rays, q.light_samples, times, self.seed + 5000
-        )
-        share = np.float32(times / (times + 1))
-        light.direct[wanted] += share * (direct - light.direct[wanted])
-        light.indirect[wanted] += share * (indirect - light.indirect[wanted])
-        features[seen.rows[wanted], 12] = times + 1
-        return light
-
-    def _filtered(
-        self, seen: _Seen, grid: tuple[int, int], features: F32, light: F32, window: int
-    ) -> F32:
-        """Filters light columns (n, 5, 3) over the grid and returns the radiance (n, 3) it makes."""
-        d, (width, height) = self.gatherer.device, grid
-        light_grid = np.zeros((width * height, 15), np.float32)
-        light_grid[seen.rows] = light.reshape(-1, 15)
-        colors = np.zeros((width * height, 9), np.float32)
-        colors[seen.rows] = seen.points.colors
-        out = d.empty((width * height, 3), np.float32)
-        sizes = np.int32(width), np.int32(height), np.int32(window), np.float32(LOBE_SHARE), np.float32(NORMAL_COSINE)
-        self._filter(
-            _groups(grid), (16, 4), *sizes, d.upload(features), d.upload(colors), d.upload(light_grid), out
-        )
-        return d.download(out)[seen.rows]
-
-    def _to_pixels(
-        self, sums: dict[str, F32], width: int, height: int, first: int, last: int
-    ) -> dict[str, F32]:
+    def _to_pixels(self, sums: dict[str, F32], width: int, height: int, first: int, last: int) -> dict[str, F32]:
         """Averages the samples of each pixel, dropping the border; of indices and depths the first is taken."""
         a = self.quality.antialias
         out = {}
@@ -370,40 +298,5 @@ class _View:
                 out[name] = cells.mean((1, 3))
             if name == "normal":
                 length = np.linalg.norm(out[name], axis=-1, keepdims=True)
-                out[name] = out[name] / np.where(length > 0, length, 1)
+                out[name] = (out[name] / np.where(length > 0, length, 1)).astype(np.float32)
         return out
-
-
-def _worst_tiles(error: F32, rows: NDArray, grid: tuple[int, int]) -> tuple[int, NDArray[np.intp]]:
-    """Chooses the points (of error (n,) at `rows` of the grid) that get more samples, by whole tiles.
-
-    Returns: how many times as many samples, and which points: the worst tiles, as the budget allows.
-    """
-    across = -(-grid[0] // TILE)
-    tile = (rows // grid[0] // TILE) * across + rows % grid[0] // TILE
-    count = np.maximum(np.bincount(tile), 1)
-    badness = np.sqrt(np.bincount(tile, error**2) / count)
-    bad = np.flatnonzero(badness > NOISE)
-    budget = REFINE_BUDGET * len(rows)
-    times = REFINE_MOST
-    while times > 2 and times * count[bad].sum() > budget:
-        times //= 2
-    bad = bad[np.argsort(-badness[bad])]
-    bad = bad[np.cumsum(count[bad]) * times <= budget]
-    chosen = np.zeros(len(count), bool)
-    chosen[bad] = True
-    return times, np.flatnonzero(chosen[tile])
-
-
-def _groups(grid: tuple[int, int]) -> tuple[int, int]:
-    """Rounds a grid up to whole work groups of 16 x 4."""
-    return -(-grid[0] // 16) * 16, -(-grid[1] // 4) * 4
-
-
-def _morton(x: NDArray, y: NDArray) -> NDArray[np.uint32]:
-    """Returns the place of (x, y) < 256 on the Z-order curve: aligned squares are runs of indices."""
-    out = np.zeros(np.shape(x), np.uint32)
-    for bit in range(8):
-        out |= ((x >> bit) & 1).astype(np.uint32) << np.uint32(2 * bit)
-        out |= ((y >> bit) & 1).astype(np.uint32) << np.uint32(2 * bit + 1)
-    return out

@@ -37,9 +37,7 @@ class WideField:
         kernel = device.kernel("render", "average_bins", BLOCK=BLOCK)
         kernel((_up(n * blocks),), (GROUP,), np.uint32(n * blocks), field.outgoing_d, self._mean_d)
 
-    def radiance_from_hits(
-        self, triangle: NDArray, barycentric: NDArray, direction: NDArray
-    ) -> NDArray[np.float32]:
+    def radiance_from_hits(self, triangle: NDArray, barycentric: NDArray, direction: NDArray) -> NDArray[np.float32]:
         """Returns the averaged radiance (n, 3) of surfaces hit by rays, interpolated between near elements."""
         n = len(triangle)
         if n == 0:

@@ -1,0 +1,131 @@
+"""Points as their viewer sees them, the light columns they gather, and the kernels that draw from their lobes.
+
+L_o = d [(1 - F0) X + (1 - F90) Y] + F0 A + F90 B + coat      (columns of usdslf/reflectance.py)
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usdslf.gpu.device import Device
+from usdslf.light_set import dot, luminance
+from usdslf.scene import F32
+from usdslf.surface import SurfacePoints
+from usdslf.visibility import RayTracer
+
+GROUP = 64  # work items of a group
+COLUMNS = 5  # X, Y, A, B, coat
+MIN_ALPHA = 4e-4  # sharper lobes drown in the rounding of half vectors
+
+
+@dataclass(frozen=True)
+class ShadingPoints:
+    """n points as seen from somewhere, normals on the side of the viewer."""
+
+    position: F32  # (n, 3)
+    origin: F32  # (n, 3) off the surface, where rays start
+    geometric_normal: F32  # (n, 3)
+    normal: F32  # (n, 3)
+    view: F32  # (n, 3) unit, towards the viewer
+    lobes: F32  # (n, 4) alpha, alpha of the coat, chance of the specular lobe, chance of the coat
+    coat: F32  # (n, 2) strength, F0
+    colors: F32  # (n, 9) d, F0, F90
+    emission: F32  # (n, 3)
+
+    def __len__(self) -> int:
+        return len(self.position)
+
+    def __getitem__(self, rows: Any) -> ShadingPoints:
+        return ShadingPoints(**{f.name: getattr(self, f.name)[rows] for f in fields(self)})
+
+
+def shading_points(surface: SurfacePoints, view: F32, tracer: RayTracer) -> ShadingPoints:
+    """Turns surface points to their viewer.
+
+    A shading normal that points away from the viewer is bent until it is seen just so, and the chance of each lobe
+    is set by what it reflects.
+    """
+    side = np.where(dot(surface.geometric_normal, view) < 0, np.float32(-1), np.float32(1))[:, None]
+    geometric, normal = surface.geometric_normal * side, surface.normal * side
+    facing = dot(normal, view)
+    least = np.minimum(0.02, np.maximum(dot(geometric, view), 1e-3))
+    lift = np.maximum(least - facing, 0)
+    normal = normal + (1.5 * lift)[:, None] * view
+    normal /= np.maximum(np.sqrt(dot(normal, normal)), 1e-12)[:, None]
+    cosine = np.clip(dot(normal, view), 0, 1)
+    f = ((1 - cosine) ** 5)[:, None]
+    specular = luminance(surface.f0 + (surface.f90 - surface.f0) * f)
+    diffuse = luminance(surface.diffuse)
+    share = np.clip(specular / np.maximum(specular + diffuse, 1e-6), 0.2, 0.85)
+    share = np.where(diffuse > 1e-4 * specular, share, 1)
+    coat_share = 0.25 * surface.clearcoat
+    alpha = np.maximum(surface.roughness**2, MIN_ALPHA)
+    coat_alpha = np.maximum(surface.clearcoat_roughness**2, MIN_ALPHA)
+    lobes = np.stack([alpha, coat_alpha, share * (1 - coat_share), coat_share], -1)
+    return ShadingPoints(
+        position=surface.position,
+        origin=tracer.offset_points(surface.position, geometric, surface.triangle),
+        geometric_normal=geometric.astype(np.float32),
+        normal=normal.astype(np.float32),
+        view=np.ascontiguousarray(view, np.float32),
+        lobes=lobes.astype(np.float32),
+        coat=np.stack([surface.clearcoat, surface.coat_f0], -1).astype(np.float32),
+        colors=np.concatenate([surface.diffuse, surface.f0, surface.f90], -1).astype(np.float32),
+        emission=surface.emission,
+    )
+
+
+def reflect(colors: F32, columns: F32) -> F32:
+    """Returns the radiance (n, 3) that surfaces of colours (n, 9) make of light columns (n, 5, 3)."""
+    d, f0, f90 = colors[:, :3], colors[:, 3:6], colors[:, 6:]
+    x, y, a, b, coat = (columns[:, i] for i in range(COLUMNS))
+    return d * ((1 - f0) * x + (1 - f90) * y) + f0 * a + f90 * b + coat
+
+
+class Lobes:
+    """The lobes of surfaces on the device: directions drawn from them, and the weights of directions."""
+
+    def __init__(self, device: Device) -> None:
+        self._device = device
+        self._sequence = device.kernel("render", "sequence_points")
+        self._sample = device.kernel("render", "sample_lobes")
+        self._evaluate = device.kernel("render", "evaluate_lobes")
+
+    def sequence(self, index: NDArray[np.uint32], seed: int) -> F32:
+        """Returns points (n, 2) of the unit square."""
+        d, n = self._device, len(index)
+        if n == 0:
+            return np.zeros((0, 2), np.float32)
+        out = d.empty((n, 2), np.float32)
+        self._sequence((_up(n),), (GROUP,), np.uint32(n), np.uint32(seed), d.upload(index.astype(np.uint32)), out)
+        return d.download(out)
+
+    def sample(self, p: ShadingPoints, index: NDArray[np.uint32], k: int, seed: int) -> tuple[F32, F32, F32]:
+        """Draws k directions at each point: direction (n, k, 3), pdf (n, k), weight over pdf (n, k, 5)."""
+        d, n = self._device, len(p)
+        if n == 0:
+            return np.zeros((0, k, 3), np.float32), np.zeros((0, k), np.float32), np.zeros((0, k, 5), np.float32)
+        direction, pdf = d.empty((n, k, 3), np.float32), d.empty((n, k), np.float32)
+        weight = d.empty((n, k, COLUMNS), np.float32)
+        up = [d.upload(a) for a in (index.astype(np.uint32), p.normal, p.view, p.lobes, p.coat)]
+        sizes = np.uint32(n), np.uint32(k), np.uint32(seed)
+        self._sample((_up(n * k),), (GROUP,), *sizes, *up, direction, pdf, weight)
+        return d.download(direction), d.download(pdf), d.download(weight)
+
+    def evaluate(self, p: ShadingPoints, rows: NDArray[np.intp], direction: F32) -> tuple[F32, F32]:
+        """Returns pdf (m,) and weights (m, 5) of one direction for each of some points."""
+        d, n = self._device, len(rows)
+        if n == 0:
+            return np.zeros(0, np.float32), np.zeros((0, COLUMNS), np.float32)
+        pdf, weight = d.empty((n,), np.float32), d.empty((n, COLUMNS), np.float32)
+        up = [d.upload(a) for a in (*(np.take(a, rows, 0) for a in (p.normal, p.view, p.lobes, p.coat)), direction)]
+        self._evaluate((_up(n),), (GROUP,), np.uint32(n), *up, pdf, weight)
+        return d.download(pdf), d.download(weight)
+
+
+def _up(n: int) -> int:
+    return -(-n // GROUP) * GROUP
