@@ -35,33 +35,19 @@ inline float gap2_of(__global const float *position, uint e, float x, float y, f
     return dx * dx + dy * dy + dz * dz;
 }
 
-/* near elements of points and the weights that blend them
- * count          points
- * triangle       (n)
- * barycentric    (n, 2)
- * back           (n) 1 on the back
- * corners        (T, 3, 3)
- * cells, entries, cell_count, near_elements (entries, NEAR), position (N, 3): the tables
- * element        (n, 4) result, nearest first, repeated where there are fewer
- * weight         (n, 4) result, sums to 1, or all 0 on a side without elements
- */
-__kernel void nearest(const uint count, __global const int *triangle, __global const float *barycentric,
-                      __global const uchar *back, __global const float *corners, __global const uint *cells,
-                      __global const uint *entries, const uint cell_count, __global const uint *near_elements,
-                      __global const float *position, __global int *element, __global float *weight)
+/* the BLEND elements near a point of a triangle, nearest first and repeated where there are fewer, and the weights that
+ * blend them; all weights are 0 on a side without elements */
+inline void blend_at(__global const float *corners, __global const uint *cells, __global const uint *entries,
+                     uint cell_count, __global const uint *near_elements, __global const float *position, size_t t,
+                     float u, float v, int back, uint *who, float *weight)
 {
-    size_t r = get_global_id(0);
-    if (r >= count) return;
-    size_t t = triangle[r];
-    float u = barycentric[2 * r], v = barycentric[2 * r + 1];
-    uint entry = entry_of_point(cells, entries, cell_count, t, u, v, back[r]);
+    uint entry = entry_of_point(cells, entries, cell_count, t, u, v, back);
     int dead = entry == NO_ENTRY;
+    __global const uint *list = near_elements + (size_t)(dead ? 0 : entry) * NEAR;
     float3 p0 = load3(corners, 3 * t);
     float3 p = p0 + u * (load3(corners, 3 * t + 1) - p0) + v * (load3(corners, 3 * t + 2) - p0);
 
     // The five nearest, by insertion.
-    __global const uint *list = near_elements + (size_t)(dead ? 0 : entry) * NEAR;
-    uint who[BLEND + 1];
     float far[BLEND + 1];
     for (int k = 0; k <= BLEND; k++) { who[k] = list[0]; far[k] = INFINITY; }
     for (int k = 0; k < NEAR; k++) {
@@ -78,20 +64,51 @@ __kernel void nearest(const uint count, __global const int *triangle, __global c
         }
     }
     // Weights that fall smoothly to zero at the fifth; where there are fewer, at twice the last distance.
-    float last = 0.0f;
+    float last = 0.0f, sum = 0.0f;
     for (int k = 0; k < BLEND; k++) last = isinf(far[k]) ? last : far[k];
     float reach2 = isinf(far[BLEND]) ? 4.0f * last : far[BLEND];
     reach2 = LARGER(reach2, 1e-37f);
-    float w[BLEND], sum = 0.0f;
     for (int k = 0; k < BLEND; k++) {
         float ratio = far[k] / reach2;
         float f = 1.0f - LESSER(ratio, 1.0f);
-        w[k] = f * f;
-        if (k == 0) w[k] = LARGER(w[k], 1e-6f);
-        sum += w[k];
+        weight[k] = f * f;
+        if (k == 0) weight[k] = LARGER(weight[k], 1e-6f);
+        sum += weight[k];
     }
+    for (int k = 0; k < BLEND; k++) weight[k] = dead ? 0.0f : weight[k] / sum;
+}
+
+/* what rays arrive at: the elements that are blended at each hit, and the bin in which each sends light back
+ * count          rays
+ * triangle       (n) that was hit, -1 for none
+ * barycentric    (n, 2)
+ * direction      (n, 3) of travel
+ * face_normal    (T, 3)
+ * corners        (T, 3, 3)
+ * cells, entries, cell_count, near_elements (entries, NEAR), position (N, 3): the tables
+ * frames         (N, 3, 3)
+ * link           (n, 4) result: element << 10 | bin, ESCAPES for a miss, BLOCKED for a side without elements
+ * weight         (n, 4) result: sums to 1, or 0
+ */
+__kernel void link_rays(const uint count, __global const int *triangle, __global const float *barycentric,
+                        __global const float *direction, __global const float *face_normal,
+                        __global const float *corners, __global const uint *cells, __global const uint *entries,
+                        const uint cell_count, __global const uint *near_elements, __global const float *position,
+                        __global const float *frames, __global uint *link, __global float *weight)
+{
+    size_t r = get_global_id(0);
+    if (r >= count) return;
+    int escapes = triangle[r] < 0;
+    size_t t = escapes ? 0 : triangle[r];
+    float3 w = load3(direction, r);
+    uint who[BLEND + 1];
+    float share[BLEND];
+    blend_at(corners, cells, entries, cell_count, near_elements, position, t, barycentric[2 * r], barycentric[2 * r + 1],
+             dot(w, load3(face_normal, t)) > 0.0f, who, share);
+    int blocked = share[0] == 0.0f;
     for (int k = 0; k < BLEND; k++) {
-        element[r * BLEND + k] = dead ? 0 : who[k];
-        weight[r * BLEND + k] = dead ? 0.0f : w[k] / sum;
+        uint to = blocked ? BLOCKED : who[k] << 10 | (uint)bin_of(local_from_world(frames, blocked ? 0 : who[k], -w));
+        link[r * BLEND + k] = escapes ? ESCAPES : to;
+        weight[r * BLEND + k] = escapes ? 0.0f : share[k];
     }
 }

@@ -5,15 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from reference.shapes import box, corrugated, lamp, make_mesh, make_scene, quad, sphere
+from reference.visibility import square_cells
 from scipy.spatial import cKDTree
 
 from usdslf.blue_noise import choose_blue_noise
-from usdslf.element_lookup import _cell_centres, _cell_of, blend_weights
+from usdslf.element_lookup import _cell_centres, _cell_of, blend_weights, link_rays
 from usdslf.elements import ElementLookup, sample_elements, share_out
 from usdslf.errors import StageError
 from usdslf.gpu.device import open_device
 from usdslf.scene import Camera, Material, PrimvarInput, constant
-from usdslf.visibility import RayTracer, points_at
+from usdslf.visibility import BLOCKED, ESCAPES, RayTracer, points_at
 
 
 def sample(scene, count=600, seed=3):
@@ -32,9 +33,7 @@ def random_points(scene, n, seed=5):
 
 
 def test_areas_sum_to_the_surface_and_are_equal():
-    scene = make_scene(
-        box((0, 0, 0), (2, 1, 3)), quad((5, 0, 0), (4, 0, 0), (0, 2, 1)), sphere(1.5, center=(0, 8, 0))
-    )
+    scene = make_scene(box((0, 0, 0), (2, 1, 3)), quad((5, 0, 0), (4, 0, 0), (0, 2, 1)), sphere(1.5, center=(0, 8, 0)))
     _, e = sample(scene, 1000)
     assert len(e) == 1000
     for mesh, sides in ((0, (1,)), (1, (1, -1)), (2, (1,))):
@@ -174,9 +173,7 @@ def test_no_surface_is_a_stage_error():
 
 def test_reflectance_is_the_mean_around_the_element():
     plain = quad((0, 0, 0), (4, 0, 0), (0, 1, 0))
-    color = np.repeat(
-        (plain.positions[plain.triangles][..., :1] / 4) ** 1, 3, 2
-    )  # red = green = blue = x / 4
+    color = np.repeat((plain.positions[plain.triangles][..., :1] / 4) ** 1, 3, 2)  # red = green = blue = x / 4
     mesh = replace(plain, primvars={"displayColor": color.astype(np.float32)})
     scene = make_scene(mesh, materials=[Material("", diffuse_color=PrimvarInput("displayColor", (0, 0, 0)))])
     _, e = sample(scene, 800)
@@ -200,8 +197,7 @@ def test_cut_out_holes_have_no_elements():
 def test_more_gprims_than_elements_share_by_material():
     rng = np.random.default_rng(0)
     leaves = [
-        quad(rng.uniform(-5, 5, 3), (0.3, 0, 0), (0, 0.3, 0), material=i % 2, path=f"/leaf{i}")
-        for i in range(700)
+        quad(rng.uniform(-5, 5, 3), (0.3, 0, 0), (0, 0.3, 0), material=i % 2, path=f"/leaf{i}") for i in range(700)
     ]
     scene = make_scene(*leaves, materials=[Material("/a"), Material("/b")])
     tracer, e = sample(scene, 200)
@@ -223,9 +219,7 @@ def test_cells_are_numbered_without_gaps_and_found_again():
         centres = _cell_centres(number, np.full(len(number), n))
         assert (centres > 0).all() and (centres.sum(1) < 1).all()
         if n < 1000:
-            np.testing.assert_array_equal(
-                _cell_of(centres.astype(np.float32), np.full(len(number), n)), number
-            )
+            np.testing.assert_array_equal(_cell_of(centres.astype(np.float32), np.full(len(number), n)), number)
         corners = np.array([[0, 0], [1, 0], [0, 1], [0.5, 0.5], [1.0001, -1e-5], [-1e-6, 1]], np.float32)
         cell = _cell_of(corners, np.full(len(corners), n)).astype(np.int64)
         assert (cell >= 0).all() and (cell < n * n).all()
@@ -257,9 +251,7 @@ def test_lookup_on_a_plane_finds_the_nearest_and_blends_smoothly():
 def test_blend_weights_at_the_edges():
     inf = np.inf
     w = blend_weights(
-        np.array(
-            [[0, 1, 1, 1, 2], [1, 1, 1, 1, 1], [1, inf, inf, inf, inf], [0, inf, inf, inf, inf], [0] * 5]
-        )
+        np.array([[0, 1, 1, 1, 2], [1, 1, 1, 1, 1], [1, inf, inf, inf, inf], [0, inf, inf, inf, inf], [0] * 5])
     )
     np.testing.assert_allclose(w.sum(1), 1, rtol=1e-6)
     np.testing.assert_allclose(w[0, 0] / w[0, 1], 1 / (1 - 0.25) ** 2, rtol=1e-5)
@@ -330,29 +322,26 @@ def test_device_finds_what_the_host_finds():
     tracer, e = sample(scene, 150)
     lookup, device, n = ElementLookup(scene, tracer, e), open_device(), 1001
     triangle, bary, _ = random_points(scene, n)
-    side = np.where(np.arange(n) % 3 == 0, -1, 1)
+    direction = np.random.default_rng(9).normal(size=(n, 3))
+    direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+    side = np.where((direction * scene.triangles.face_normals[triangle]).sum(1) > 0, -1, 1)
     element, weight = lookup.nearest(triangle, bary, side)
-    tables = lookup.upload(device)
-    element_d, weight_d = device.zeros((n, 4), np.int32), device.zeros((n, 4), np.float32)
-    device.kernel("lookup", "nearest")(
-        (1024,),
-        None,
-        np.uint32(n),
-        *(device.upload(x) for x in (triangle.astype(np.int32), bary, (side < 0).astype(np.uint8))),
-        device.upload(scene.triangles.positions),
-        tables.cells_of_triangle_d,
-        tables.entry_of_cell_d,
-        tables.cell_count,
-        tables.elements_of_entry_d,
-        tables.position_d,
-        element_d,
-        weight_d,
-    )
-    assert (weight.sum(1) == 0).any() and (weight.sum(1) > 0.99).any()
-    host, on_device = np.zeros((2, n, len(e)))
-    np.add.at(host, (np.arange(n)[:, None], element), weight)
-    np.add.at(on_device, (np.arange(n)[:, None], device.download(element_d)), device.download(weight_d))
-    assert (np.abs(host - on_device).max(1) < 1e-3).mean() > 0.998
+    missed = np.arange(n) % 10 == 0
+    link_d, weight_d = link_rays(device, lookup.upload(device), np.where(missed, -1, triangle), bary, direction)
+    link, weight_there = device.download(link_d), device.download(weight_d)
+    assert (link[missed] == ESCAPES).all() and (weight_there[missed] == 0).all()
+    dead = weight.sum(1) == 0
+    assert (link[dead & ~missed] == BLOCKED).all() and (weight_there[dead] == 0).all() and dead.any()
+
+    live = np.flatnonzero(~missed & ~dead)
+    host, there = np.zeros((2, n, len(e)))
+    np.add.at(host, (live[:, None], element[live]), weight[live])
+    np.add.at(there, (live[:, None], link[live] >> 10), weight_there[live])
+    assert (np.abs(host - there).max(1) < 1e-3).mean() > 0.998
+    frame = e.frame[link[live] >> 10].astype(float)
+    bins = square_cells(np.einsum("nkij,nj->nki", frame, -direction[live]).reshape(-1, 3))
+    above = (np.einsum("nkj,nj->nk", frame[:, :, 2], direction[live]) < -0.01).ravel()
+    assert (bins == (link[live] & 1023).ravel())[above].mean() > 0.998
 
 
 def test_tables_stay_small_for_many_triangles():

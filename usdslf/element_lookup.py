@@ -38,6 +38,7 @@ AGREES = 0.35  # least cosine between the normals of a point and its elements, w
 LIFT = 0.2  # of their distance: how far cell and element are lifted to look at each other
 SLIVER = 4096  # cells that a triangle may have whatever its area
 SMALL = 3  # divisions of triangles that share entries with others
+LINK_GROUP = 64  # work-items of a group
 MOST_CELLS = 500_000  # beside one for each triangle
 
 
@@ -50,6 +51,8 @@ class DeviceLookup:
     entry_of_cell_d: Any  # (2, C) uint32, front and back; NONE where no light comes
     elements_of_entry_d: Any  # (entries, NEAR) uint32, nearest first; the first again where there are fewer
     position_d: Any  # (N, 3) float32
+    frames_d: Any  # (N, 3, 3) float32
+    corners_d: Any  # (T, 3, 3) float32
     cell_count: np.uint32
 
 
@@ -78,9 +81,7 @@ class ElementLookup:
             return
 
         triangle = np.repeat(np.arange(len(squares), dtype=np.int32), squares)
-        bary = _cell_centres(
-            np.arange(total) - self.first_cell[triangle].astype(np.int64), self.divisions[triangle]
-        )
+        bary = _cell_centres(np.arange(total) - self.first_cell[triangle].astype(np.int64), self.divisions[triangle])
         position = _interpolate(table.positions, triangle, bary)
         shading = _interpolate(table.normals, triangle, bary)
         face = table.face_normals[triangle]
@@ -117,9 +118,7 @@ class ElementLookup:
     @property
     def nbytes(self) -> int:
         """Bytes of the tables."""
-        return sum(
-            a.nbytes for a in (self.divisions, self.first_cell, self.entry_of_cell, self.elements_of_entry)
-        )
+        return sum(a.nbytes for a in (self.divisions, self.first_cell, self.entry_of_cell, self.elements_of_entry))
 
     def entry(self, triangle: NDArray, barycentric: NDArray, side: NDArray) -> NDArray[np.uint32]:
         """Returns the entry (n,) of points on triangles, NONE on sides that have no elements."""
@@ -175,8 +174,48 @@ class ElementLookup:
             entry_of_cell_d=device.upload(self.entry_of_cell),
             elements_of_entry_d=device.upload(self._filled(self.elements_of_entry)),
             position_d=device.upload(self._elements.position),
+            frames_d=device.upload(self._elements.frame),
+            corners_d=device.upload(self._scene.triangles.positions),
             cell_count=np.uint32(self.entry_of_cell.shape[1]),
         )
+
+
+def link_rays(
+    device: Device, tables: DeviceLookup, triangle: NDArray, barycentric: NDArray, direction: NDArray
+) -> tuple[Any, Any]:
+    """Names on the device what rays arrive at: several times as quick as `ElementLookup.nearest`.
+
+    Args:
+        tables: of `ElementLookup.upload`.
+        triangle: (n,) that was hit, -1 for none.
+        barycentric: (n, 2).
+        direction: (n, 3) of travel, unit.
+
+    Returns: device arrays: links (n, 4) uint32, element << 10 | the bin that points back along the ray,
+        or ESCAPES, or BLOCKED; and weights (n, 4) that sum to 1, or to 0 where there is no light.
+    """
+    n = len(triangle)
+    link_d = device.empty((max(n, 1), BLEND), np.uint32)
+    weight_d = device.empty((max(n, 1), BLEND), np.float32)
+    device.kernel("lookup", "link_rays")(
+        (-(-n // LINK_GROUP) * LINK_GROUP,),
+        (LINK_GROUP,),
+        np.uint32(n),
+        device.upload(np.asarray(triangle, np.int32)),
+        device.upload(np.asarray(barycentric, np.float32)),
+        device.upload(np.asarray(direction, np.float32)),
+        tables.face_normal_d,
+        tables.corners_d,
+        tables.cells_of_triangle_d,
+        tables.entry_of_cell_d,
+        tables.cell_count,
+        tables.elements_of_entry_d,
+        tables.position_d,
+        tables.frames_d,
+        link_d,
+        weight_d,
+    )
+    return link_d, weight_d
 
 
 def blend_weights(distance: NDArray) -> NDArray[np.float32]:
@@ -241,7 +280,7 @@ def _share_cells(
     if not len(position):
         return np.zeros(0, np.int64), np.zeros(0, np.uint32)
     box = np.floor((position - position.min(0)) / (spacing[:, None] / ENTRIES_PER_SPACING)).astype(np.int64)
-    turn = np.rint(normal * 2.5).astype(np.int64)
+    turn = np.rint(normal * 1.5).astype(np.int64)
     key = owner.astype(np.int64).astype(np.uint64)
     for column in (*box.T, *turn.T):
         key = key * np.uint64(0x9E3779B97F4A7C15) + column.astype(np.uint64)

@@ -243,9 +243,7 @@ class Visibility:
     seconds: float
 
 
-def trace_visibility(
-    elements: Elements, lookup: ElementLookup, tracer: RayTracer, device: Device
-) -> Visibility:
+def trace_visibility(elements: Elements, lookup: ElementLookup, tracer: RayTracer, device: Device) -> Visibility:
     """Traces a ray through the centre of every bin of every element and names what it hits.
 
     Embree and the device work at the same time, on different batches.
