@@ -13,6 +13,7 @@ from __future__ import annotations
 import hashlib
 import os
 import tempfile
+import zipfile
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -202,9 +203,9 @@ def _cache_folder() -> Path:
 
 def _read_cache(file: Path) -> LevelKernel | None:
     try:
-        with np.load(file) as z:
+        with file.open("rb") as stream, np.load(stream) as z:
             return LevelKernel(**{name: z[name] for name in z.files})
-    except (OSError, ValueError, TypeError, EOFError):
+    except (OSError, ValueError, TypeError, EOFError, zipfile.BadZipFile):
         return None
 
 
