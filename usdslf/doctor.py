@@ -70,8 +70,8 @@ def _opencl(name: str | None, failed: list[UsdslfError]) -> Iterator[Row]:
         failed.append(error)
         return
     yield "opencl", "in use", f"{device.name}, chosen by {_chooser(name)}"
-    # The largest array is a radiance field: three floats a direction and element.
-    largest = device.largest_array // (12 * D)
+    # The largest array is a radiance field, three floats a direction and element; there are three, and links.
+    largest = min(device.largest_array // (12 * D), device.memory // (40 * D))
     yield "limits", "largest array", f"{device.largest_array / 2**30:.1f} GiB"
     yield "limits", "elements", f"at most {largest} with {D} directions each"
 
