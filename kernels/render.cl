@@ -259,7 +259,7 @@ inline int shared_light(__global const float *a, __global const float *b, const 
     if (b[11] != a[11] || fabs(dot(vload3(0, b) - vload3(0, a), n)) > a[10] || dot(vload3(1, b), n) < normal_cosine)
         return 0;
     float3 off = vload3(2, b) - vload3(2, a);
-    float wide = lobe_share * a[9];
+    float wide = min(lobe_share * a[9], 0.15f);
     return dot(off, off) > wide * wide || fabs(b[9] - a[9]) > 0.15f * a[9] ? 1 : 2;
 }
 

@@ -148,7 +148,7 @@ class Gatherer:
         exact = np.zeros((n, 3), np.float32)
         for s, source in enumerate(self.lights.sources):
             is_dome = s in self.lights.dome_range
-            if times and not is_dome:
+            if source.is_met_only or (times and not is_dome):
                 continue
             count = 1 if source.is_delta else light_samples * max(times, 1)
             index = place if is_dome else near_place
@@ -179,7 +179,8 @@ class Gatherer:
         alive = np.flatnonzero((pdf > 0).reshape(-1))
         point = alive // rays
         direction, pdf = direction.reshape(-1, 3)[alive], pdf.reshape(-1)[alive]
-        ratio = np.full((len(alive), len(self.lights.sources)), share, np.float32)
+        of_source = [0.0 if s.is_met_only else share for s in self.lights.sources]
+        ratio = np.broadcast_to(np.array(of_source, np.float32), (len(alive), len(of_source)))
         order = place[point] * np.uint32(rays) + (alive % rays).astype(np.uint32)
         lit, bounced = self._incoming(
             p.origin[point], p.geometric_normal[point], direction, pdf, ratio, order, 1, pdf, seed
@@ -328,7 +329,7 @@ class Gatherer:
             pick = np.minimum(pick, len(self.lights.sources) - 1)
             u = self._lobes.sequence(index, stream + 2)
             for s, source in enumerate(self.lights.sources):
-                rows = np.flatnonzero(pick == s)
+                rows = np.flatnonzero((pick == s) & (chances[:, s] > 0))
                 if not len(rows):
                     continue
                 q, chance = p[rows], chances[rows, s]

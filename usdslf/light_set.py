@@ -42,6 +42,7 @@ class Source(Protocol):
     diffuse: float
     specular: float
     is_delta: bool
+    is_met_only: bool  # rays of the lobes find it as well as can be: an even dome is not sampled
     is_split: bool  # diffuse and specular receive different shares: rays of the lobes cannot tell, so only sampled
 
     def sample(self, points: F32, u: F32) -> Arrival: ...
@@ -68,6 +69,8 @@ def dot(a: NDArray, b: NDArray) -> NDArray:
 
 class LightSource:
     """A UsdLux light with a place or a direction."""
+
+    is_met_only = False
 
     def __init__(self, light: Light) -> None:
         self.light = light
@@ -124,6 +127,7 @@ class DomeSource:
         self.dome = Dome.from_light(light)
         self.diffuse, self.specular = light.diffuse, light.specular
         self.is_split = light.diffuse != light.specular
+        self.is_met_only = not light.texture and not self.is_split
         grid = (np.arange(4096) + 0.5) / 4096  # Fibonacci's sphere
         z, phi = 1 - 2 * grid, np.pi * (1 + 5**0.5) * np.arange(4096)
         s = np.sqrt(1 - z * z)
@@ -141,7 +145,7 @@ class DomeSource:
 class EmissiveSurfaces:
     """All triangles whose material emits; they shine to both sides."""
 
-    is_delta = is_split = False
+    is_delta = is_split = is_met_only = False
     diffuse = specular = 1.0
 
     def __init__(self, scene: Scene, emission: Emission) -> None:
@@ -272,11 +276,14 @@ class LightSet:
     def chances(self, points: F32) -> NDArray[np.float32]:
         """Returns with which probability (n, sources) each source is worth a look from each point.
 
-        In proportion to a guess of its unshadowed irradiance, a fifth spread evenly.
+        In proportion to a guess of its unshadowed irradiance, a fifth spread evenly; 0 for what is not sampled.
         """
-        guess = np.stack([s.importance(points) for s in self.sources], -1)
+        worth = np.array([not s.is_met_only for s in self.sources], bool)
+        guess = np.zeros((len(points), len(self.sources)), np.float32)
+        for i in np.flatnonzero(worth):
+            guess[:, i] = self.sources[i].importance(points)
         total = guess.sum(1, keepdims=True)
-        even = np.float32(1 / len(self.sources))
+        even = worth / np.float32(max(worth.sum(), 1))
         share = np.where(total > 0, guess / np.where(total > 0, total, 1), even)
         return (0.8 * share + 0.2 * even).astype(np.float32)
 

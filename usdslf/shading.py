@@ -60,12 +60,14 @@ def shading_points(surface: SurfacePoints, view: F32, tracer: RayTracer) -> Shad
     f = ((1 - cosine) ** 5)[:, None]
     specular = luminance(surface.f0 + (surface.f90 - surface.f0) * f)
     diffuse = luminance(surface.diffuse)
-    share = np.clip(specular / np.maximum(specular + diffuse, 1e-6), 0.2, 0.85)
+    # Chances in sixteenths: aligned runs of 16 points then hold every lobe as often as its chance says.
+    share = np.clip(np.round(16 * specular / np.maximum(specular + diffuse, 1e-6)) / 16, 3 / 16, 14 / 16)
     share = np.where(diffuse > 1e-4 * specular, share, 1)
-    coat_share = 0.25 * surface.clearcoat
+    coat_share = np.ceil(4 * surface.clearcoat) / 16
+    specular_share = np.where(share < 1, np.round(16 * share * (1 - coat_share)) / 16, 1 - coat_share)
     alpha = np.maximum(surface.roughness**2, MIN_ALPHA)
     coat_alpha = np.maximum(surface.clearcoat_roughness**2, MIN_ALPHA)
-    lobes = np.stack([alpha, coat_alpha, share * (1 - coat_share), coat_share], -1)
+    lobes = np.stack([alpha, coat_alpha, specular_share, coat_share], -1)
     return ShadingPoints(
         position=surface.position,
         origin=tracer.offset_points(surface.position, geometric, surface.triangle),
