@@ -204,6 +204,25 @@ def test_unexpected_errors_are_one_line(shot: Path, run: Run, monkeypatch: pytes
     assert err.splitlines() == ["usdslf: internal error: ZeroDivisionError: a slip (--debug shows where)"]
 
 
+def test_bench_prints_the_agreed_table(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    from usdslf import bench
+
+    monkeypatch.setattr(bench, "SIZE", (32, 16))
+    code, out, err = run("bench", "--json", "--elements", 500)
+    assert code == 0, err
+    found = json.loads(out)
+    rows = {row["step"]: row for row in found["rows"]}
+    assert set(next(iter(rows.values()))) == {
+        "step", "seconds", "limit", "limit_seconds", "ratio", "bytes", "paper_ms",
+    }  # fmt: skip
+    assert rows["visibility"]["paper_ms"] == 870 and "embreex" in rows["visibility"]["limit"]
+    assert rows["visibility"]["ratio"] == pytest.approx(
+        rows["visibility"]["seconds"] / rows["visibility"]["limit_seconds"]
+    )
+    assert all(row["seconds"] >= 0 for row in rows.values())
+    assert found["memory_bytes"] > 0 and found["total_seconds"] > 0
+
+
 # ── bad input ────────────────────────────────────────────────────────────────────────────────────
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from pxr import Usd
+from reference.mitsuba_setup import why_no_pathtracer
 
 from usdslf import demo
 from usdslf.demo_shapes import Shape, ball, curve, lathe, rounded_box, torus, tube
@@ -95,3 +96,25 @@ def test_the_volume_of_a_ball_and_a_torus() -> None:
         p = shape.points[shape.quads]
         signed = sum(np.einsum("fi,fi->f", p[:, 0], np.cross(p[:, i], p[:, i + 1])) for i in (1, 2)) / 6
         assert signed.sum() == pytest.approx(volume, rel=0.02)
+
+
+@pytest.mark.skipif(bool(why_no_pathtracer()), reason=why_no_pathtracer())
+def test_the_painted_colours_are_those_of_the_changed_scene(tmp_path: Path) -> None:
+    from reference.pathtracer import Tracer, camera_rays
+
+    demo.write_demo_shot(tmp_path)
+    stage = Usd.Stage.Open(str(build_demo_stage(tmp_path, TRUTH, "truth.usda")))
+    tracer = Tracer(stage, "smith", max_depth=6)
+    rng, paths = np.random.default_rng(1), 8192
+    for script in demo.STROKES:
+        painted = np.array([rgb for rgb, places in script.dabs for _ in places])
+        places = np.array([p for _, places in script.dabs for p in places])
+        # Paths through the disk of each dab, in a picture of 800 x 450.
+        r = demo.RADIUS * 450 * np.sqrt(rng.random((len(places), paths)))
+        turn = rng.random(r.shape) * 2 * np.pi
+        at = (places[:, None] + np.stack([r * np.cos(turn), r * np.sin(turn)], -1)) / (800, 450)
+        origins, directions = camera_rays(stage, demo.CAMERA, at.reshape(-1, 2), 800 / 450)
+        seen = tracer.radiance(origins, directions, seed=7).reshape(*r.shape, 3).mean(1)
+        # Few colours stand for many: a dab is a quarter off at most, or a little in the dark.
+        error = np.abs(painted - seen) / (seen + 0.05)
+        assert error.max() < 0.35 and error.mean() < 0.1, (script.intent, error.round(2))
