@@ -91,9 +91,7 @@ def sample_elements(
     table = scene.triangles
     area = np.where(np.isfinite(table.areas), table.areas, 0.0)
     if not area.sum() > 0:
-        raise StageError(
-            f"{scene.stage or 'the stage'} has no surface to shade; check visibility and purpose"
-        )
+        raise StageError(f"{scene.stage or 'the stage'} has no surface to shade; check visibility and purpose")
     part_of_triangle = find_parts(scene, area, count)
     area_of_part = np.bincount(part_of_triangle, area)
     parts = len(area_of_part)
@@ -234,9 +232,7 @@ def _living_candidates(
     there = points.presence > 0  # no holes of cut-outs
     alive = there.copy()
     ask = np.flatnonzero(there & doubtful[group])
-    alive[ask] = find_living_points(
-        scene, tracer, triangle[ask], points.position[ask], normal[ask], rng, rounds
-    )
+    alive[ask] = find_living_points(scene, tracer, triangle[ask], points.position[ask], normal[ask], rng, rounds)
     # What lies among the living is only in the dark by chance.
     dark = ask[~alive[ask]]
     lit = ask[alive[ask]]

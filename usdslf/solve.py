@@ -37,13 +37,14 @@ class Options:
     drift_length: float = 0.5  # of the stroke's extent
     tint_error: float = 0.05  # of each channel
     flat_error: float = 30.0  # of each dab and channel, where one colour was painted on everything; its mean stays
-    freedom: float = 2.0  # cost of a degree of freedom
+    freedom: float = 3.0  # cost of a degree of freedom
     group: float = 16.0  # cost of a second and third parameter
-    background: float = 0.15  # per dab, for unpainted directions that change by their own radiance
+    background: float = 0.05  # per dab, for unpainted directions that change by their own radiance
     kind: float = 6.0  # cost of a diffuse metal or of a coloured dielectric
-    tail: float = 1.0  # misfit per dab beyond which it counts by its logarithm
+    tail: float = 2.0  # misfit per dab beyond which it counts by its logarithm
+    outlier: float = 20.0  # misfit of a single dab beyond which it counts by its logarithm
     place: float = 0.15  # per dab, for the change being where the stroke is
-    nothing: float = 4.0  # cost of no change: who paints wants one
+    nothing: float = 5.0  # cost of no change where what was painted is not there yet
     visible: float = 0.05  # relative change that is seen
 
 
@@ -263,7 +264,8 @@ def score(t: Tables, o: Options, c: Candidate) -> float:
         return float(cost + 1e6)
     if o.norm == "l2":
         return float(cost if len(c.freed) == 3 else cost + 1e6)
-    cost += o.nothing * (not c.freed) + o.freedom * c.freedoms + o.group * max(len(c.freed) - 1, 0)
+    is_wanting = not c.freed and relative_error(t, c) > 0.1
+    cost += o.nothing * is_wanting + o.freedom * c.freedoms + o.group * max(len(c.freed) - 1, 0)
     if t.is_metal and "diffuse" in c.freed:
         cost += o.kind
     is_colored = float(np.ptp(c.f0_of(t.f0))) > 0.05
@@ -324,7 +326,10 @@ def _fit(
     r = residual(dd, df)
     if diffuse or specular:
         for _ in range(ROUNDS if diffuse and specular else 2):
-            columns, lows, highs, at = [], [], [], []
+            columns: list[F64] = []
+            lows: list[float] = []
+            highs: list[float] = []
+            at: list[float] = []
             if diffuse:
                 g = (u - df * w) / t.scale
                 for c in range(3):
@@ -346,7 +351,8 @@ def _fit(
             if specular:
                 df = x[:3] if specular == "color" else np.full(3, x[0])
             r = residual(dd, df)
-    return dd, df, float(r @ r)
+    of_dab = (r * r).reshape(n, 3).sum(1)
+    return dd, df, float((o.outlier * np.log1p(of_dab / o.outlier)).sum())
 
 
 def _channel(g: F64, c: int, n: int) -> F64:
