@@ -33,6 +33,7 @@ SHARP_PDF = 8.0  # [1/sr] density from which on a ray counts as a reflection
 # Smoother surfaces count as this rough for rays of wide lobes that follow them: found by chance, their highlights
 # would be fireflies.  Source: Kaplanyan and Dachsbacher 2013, path space regularization.
 CAUSTIC_ROUGHNESS = 0.35
+MIRRORED_ANGLE = 0.2  # [sr] of a dome that a ray sees which only the shading normal sent out
 MAX_DEPTH = 6  # surfaces followed after the first
 
 
@@ -223,29 +224,33 @@ class Gatherer:
         """Returns what lights, domes and emissive surfaces send along rays (n, 3), weighted against their sampling.
 
         `ratio` (n, sources): samples of each source for one ray.  Mirrored rays stand for directions in which
-        nothing was sampled.
+        nothing was sampled: what is small and bright would be found by chance, so they see domes only, and wide.
         """
         out = np.zeros((len(origin), 3), np.float32)
 
         def add(rows: NDArray, radiance: F32, light_pdf: F32, s: int) -> None:
-            sampled = np.where(mirrored[rows], 0, light_pdf * ratio[rows, s])
+            sampled = light_pdf * ratio[rows, s]
             out[rows] += radiance * (pdf[rows] / (pdf[rows] + sampled))[:, None]
 
+        escaped = np.flatnonzero(met.triangle < 0)
+        wide = escaped[mirrored[escaped]]
+        escaped = escaped[~mirrored[escaped]]
         for s, source in enumerate(self.lights.placed):
             if source.is_delta or source.is_split:
                 continue
             distance, radiance, light_pdf = source.intersect(origin, direction)
-            rows = np.flatnonzero((brightest(radiance) > 0) & (distance <= met.distance))
+            rows = np.flatnonzero((brightest(radiance) > 0) & (distance <= met.distance) & ~mirrored)
             add(rows, radiance[rows] * np.float32(source.diffuse), light_pdf[rows], s)
         first = len(self.lights.placed)
-        escaped = np.flatnonzero(met.triangle < 0)
         for s, dome in enumerate(self.lights.domes, first):
             if not dome.is_split:
                 d = direction[escaped]
                 add(escaped, dome.dome.radiance(d, None) * np.float32(dome.diffuse), dome.dome.pdf(d), s)
+                if len(wide):
+                    out[wide] += dome.dome.radiance(direction[wide], MIRRORED_ANGLE) * np.float32(dome.diffuse)
         emissive = self.lights.emissive
         if len(emissive.triangle):
-            rows = np.flatnonzero(met.triangle >= 0)
+            rows = np.flatnonzero((met.triangle >= 0) & ~mirrored)
             rows = rows[emissive.emits[met.triangle[rows]]]
             triangle = met.triangle[rows]
             radiance = emissive.emission(triangle, met.barycentric[rows])
