@@ -24,6 +24,8 @@ from usdslf.reflectance import LEVEL_COUNT
 
 F64 = NDArray[np.float64]
 GROUPS = ("diffuse", "specular", "glossiness")
+TRUST = (0.5, 0.25, 0.15, 0.1, 0.1)  # relative error of a dab at which it has half its weight, round by round
+COLOR_GAIN = 4.0  # misfit for which a grey metal becomes coloured
 ROUNDS = 4  # of Gauss and Newton, for the bilinear candidates
 
 
@@ -223,15 +225,26 @@ def enumerate_candidates(t: Tables, o: Options | None = None, groups: tuple[str,
     """Fits every candidate at every level and returns the best of each set of parameters, cheapest first."""
     o = o or Options()
     white = whiten(t, o)
-    best: dict[str, Candidate] = {}
+    best: dict[tuple, Candidate] = {}  # by parameters and whether the specular change is grey
     for free_gloss in (False, True) if "glossiness" in groups else (False,):
         for level in range(LEVEL_COUNT) if free_gloss else (t.own,):
             for diffuse in _choices("diffuse" in groups, ("color",)):
                 for specular in _choices("specular" in groups, ("grey", "color")):
                     c = fit(t, o, white, level, diffuse, specular, free_gloss)
-                    if c.id not in best or c.cost < best[c.id].cost:
-                        best[c.id] = c
-    return sorted(best.values(), key=lambda c: c.cost)
+                    if (c.id, specular) not in best or c.cost < best[c.id, specular].cost:
+                        best[c.id, specular] = c
+    found = [fit(t, o, white, c.level, *_ways(c), True) for c in best.values()]
+    found.sort(key=lambda c: c.cost)
+    return [c for i, c in enumerate(found) if c.id not in {other.id for other in found[:i]}]
+
+
+def _ways(c: Candidate) -> tuple[str, str, bool]:
+    """How a candidate was fitted: `diffuse`, `specular` and `free_gloss` of `fit`."""
+    specular = ""
+    if "specular" in c.freed:
+        grey = c.freedoms - 3 * ("diffuse" in c.freed) - ("glossiness" in c.freed) == 1
+        specular = "grey" if grey else "color"
+    return "color" if "diffuse" in c.freed else "", specular, "glossiness" in c.freed
 
 
 def _choices(allowed: bool, ways: tuple[str, ...]) -> tuple[str, ...]:
@@ -239,12 +252,13 @@ def _choices(allowed: bool, ways: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def fit(
-    t: Tables, o: Options, white: F64, level: int, diffuse: str, specular: str, free_gloss: bool
+    t: Tables, o: Options, white: F64, level: int, diffuse: str, specular: str, free_gloss: bool, robust: bool = False
 ) -> Candidate:
-    """Fits one candidate: `diffuse` in "", "color"; `specular` in "", "grey", "color"."""
+    """Fits one candidate: `diffuse` in "", "color"; `specular` in "", "grey", "color"; robustly against single dabs."""
     freed = tuple(g for g, f in zip(GROUPS, (diffuse, specular, free_gloss), strict=True) if f)
     tries = [False, True] if diffuse and t.is_textured else [False]
-    fits = [_fit(t, o, white, level, diffuse, specular, tint) for tint in tries]
+    how = _fit_robustly if robust else _fit
+    fits = [how(t, o, white, level, diffuse, specular, tint) for tint in tries]
     tint = int(len(fits) > 1 and fits[1][2] < fits[0][2])
     dd, df, misfit = fits[tint]
     freedoms = 3 * bool(diffuse) + {"": 0, "grey": 1, "color": 3}[specular] + free_gloss
@@ -309,8 +323,51 @@ def _predict(c: Candidate, p: F64, u: F64, v: F64, w: F64) -> F64:
     return p[:, j] + dd * u[:, j] + df * v[:, j] - dd * df * w[:, j]
 
 
-def _fit(
+def _fit_robustly(
     t: Tables, o: Options, white: F64, level: int, diffuse: str, specular: str, tint: bool
+) -> tuple[F64, F64, float]:
+    """Least squares again and again, with less and less trust in dabs that stay far off (Holland and Welsch 1977)."""
+    best = _fit(t, o, white, level, diffuse, specular, tint)
+    if not (diffuse or specular):
+        return best
+    starts = [best[:2]]
+    if not (diffuse and specular):
+        starts.append(_median_change(t, level, diffuse, specular, tint))
+    for dd, df in starts:
+        for reach in TRUST:
+            off = _relative(t, Candidate((), dd, df, is_tint=tint, level=level))
+            trust = np.sqrt(1 / (1 + (off * off).mean(1) / reach**2))
+            dd, df, misfit = _fit(t, o, white, level, diffuse, specular, tint, trust)
+            if misfit < best[2]:
+                best = (dd, df, misfit)
+    return best
+
+
+def _median_change(t: Tables, level: int, diffuse: str, specular: str, tint: bool) -> tuple[F64, F64]:
+    """The change that half of the dabs, weighed by how much they feel it, would have smaller, channel by channel."""
+    slope = (t.tint_u if tint else t.u)[:, level] if diffuse else t.v[:, level]
+    wanted = (t.target - t.p[:, level]) / np.where(np.abs(slope) > 1e-12, slope, 1e-12)
+    weight = np.abs(slope) / t.scale
+    if specular == "grey":
+        wanted, weight = wanted.reshape(-1, 1), weight.reshape(-1, 1)
+    order = np.argsort(wanted, 0)
+    cumulated = np.cumsum(np.take_along_axis(weight, order, 0), 0)
+    middle = (cumulated < 0.5 * cumulated[-1:]).sum(0)
+    change = np.take_along_axis(np.take_along_axis(wanted, order, 0), middle[None], 0)[0] * np.ones(3)
+    if diffuse:
+        low, high = (-1.0, 1 / np.maximum(t.diffuse, 1e-3) - 1) if tint else (-t.diffuse, 1 - t.diffuse)
+        return np.clip(change, low, high), np.zeros(3)
+    return np.zeros(3), np.clip(change, -t.f0, 1 - t.f0)
+
+
+def _relative(t: Tables, c: Candidate) -> F64:
+    """Relative residuals (n, 3) of a candidate."""
+    u, w = (t.tint_u, t.tint_w) if c.is_tint else (t.u, t.w)
+    return (_predict(c, t.p, u, t.v, w) - t.target) / t.scale
+
+
+def _fit(
+    t: Tables, o: Options, white: F64, level: int, diffuse: str, specular: str, tint: bool, trust: F64 | None = None
 ) -> tuple[F64, F64, float]:
     """Least squares of the whitened residual under the bounds; returns delta d (or factor), delta F0, misfit."""
     u, w = (t.tint_u, t.tint_w) if tint else (t.u, t.w)
@@ -320,10 +377,12 @@ def _fit(
     dd, df = np.zeros(3), np.zeros(3)
     n = len(t.target)
 
-    def residual(dd: F64, df: F64) -> F64:
-        return white @ ((p + dd * u + df * v - dd * df * w - t.target) / t.scale).reshape(-1)
+    scale = t.scale if trust is None else t.scale / trust[:, None]
 
-    r = residual(dd, df)
+    def residual(dd: F64, df: F64, scale: F64) -> F64:
+        return white @ ((p + dd * u + df * v - dd * df * w - t.target) / scale).reshape(-1)
+
+    r = residual(dd, df, scale)
     if diffuse or specular:
         for _ in range(ROUNDS if diffuse and specular else 2):
             columns: list[F64] = []
@@ -331,12 +390,12 @@ def _fit(
             highs: list[float] = []
             at: list[float] = []
             if diffuse:
-                g = (u - df * w) / t.scale
+                g = (u - df * w) / scale
                 for c in range(3):
                     columns.append(_channel(g, c, n))
                 lows, highs, at = [*lows, *low_d], [*highs, *high_d], [*at, *dd]
             if specular:
-                g = (v - dd * w) / t.scale
+                g = (v - dd * w) / scale
                 if specular == "color":
                     for c in range(3):
                         columns.append(_channel(g, c, n))
@@ -350,7 +409,8 @@ def _fit(
                 dd, x = x[:3], x[3:]
             if specular:
                 df = x[:3] if specular == "color" else np.full(3, x[0])
-            r = residual(dd, df)
+            r = residual(dd, df, scale)
+    r = residual(dd, df, t.scale)
     of_dab = (r * r).reshape(n, 3).sum(1)
     return dd, df, float((o.outlier * np.log1p(of_dab / o.outlier)).sum())
 
@@ -384,19 +444,16 @@ def refit(t: Tables, chosen: Candidate, o: Options | None = None) -> Candidate:
     o = o or Options()
     exact = replace(o, drift_error=0.03, tint_error=0.01)
     white = whiten(t, exact)
-    diffuse = "color" if "diffuse" in chosen.freed else ""
-    specular = ""
-    if "specular" in chosen.freed:
-        specular = "grey" if chosen.freedoms in (1, 2, 4, 5) and np.ptp(chosen.delta_f0) == 0 else "color"
-    level = chosen.level
-    if diffuse and chosen.is_tint != (t.is_textured and chosen.is_tint):
-        raise AssertionError
-    dd, df, misfit = _fit(t, exact, white, level, diffuse, specular, chosen.is_tint)
+    diffuse, specular, _ = _ways(chosen)
+    dd, df, misfit = _fit_robustly(t, exact, white, chosen.level, diffuse, specular, chosen.is_tint)
+    if specular == "grey" and t.is_metal:  # a metal's colour, where the strokes are sure of it
+        color = _fit_robustly(t, exact, white, chosen.level, diffuse, "color", chosen.is_tint)
+        if misfit - color[2] > COLOR_GAIN:
+            dd, df, misfit = color
+            chosen = replace(chosen, freedoms=chosen.freedoms + 2)
     return replace(chosen, delta_diffuse=dd, delta_f0=df, misfit=misfit)
 
 
 def relative_error(t: Tables, c: Candidate) -> float:
     """Relative root mean square of the painted radiance minus what the candidate gives."""
-    u, w = (t.tint_u, t.tint_w) if c.is_tint else (t.u, t.w)
-    got = _predict(c, t.p, u, t.v, w)
-    return float(np.sqrt(np.mean(((got - t.target) / t.scale) ** 2)))
+    return float(np.sqrt(np.mean(_relative(t, c) ** 2)))
