@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -407,6 +408,20 @@ def test_coarse_spheres_have_neither_black_nor_bright_rims(device: Device) -> No
         inside = aovs["alpha"][..., 0] == 1
         assert np.isfinite(aovs["color"]).all()
         assert aovs["color"][inside].min() > 0.3 and aovs["color"].max() < 1.3
+
+
+def test_a_small_light_just_over_the_horizon_leaves_no_specks(device: Device) -> None:
+    """Shading normals that lean towards a low sun send rays below the surface, where no light was sampled."""
+    towards = np.array([1, 0.06, 0]) / np.hypot(1, 0.06)
+    world_from_light = np.eye(4)
+    world_from_light[:3, :3] = np.stack([[0, 0, 1], np.cross(towards, [0, 0, 1]), towards], 1)
+    sun = Light("/sun", "distant", (400.0,) * 3, world_from_light, angle=np.radians(4.0))
+    leaning = np.float32([0.33, 0.944, 0])
+    floor = replace(ground(), corner_normals=np.tile(leaning, (2, 3, 1)))
+    color = picture(make_scene(floor, lights=[sun]), camera_at((0, 4, 0)), device)["color"]
+    inside = color[5:-5, 5:-5]
+    assert inside.min() > 0.03
+    assert inside.max() < 1.5 * np.median(inside)
 
 
 def test_the_same_call_gives_the_same_picture(device: Device) -> None:
