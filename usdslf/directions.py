@@ -58,5 +58,5 @@ def bin_of(local: NDArray, side: int = SIDE) -> NDArray[np.int64]:
     local = np.concatenate([local[..., :2], np.maximum(local[..., 2:], 0)], -1)
     norm = np.linalg.norm(local, axis=-1, keepdims=True)
     cell = (square_from_hemisphere(local / np.where(norm == 0, 1, norm)) + 1) * (side / 2)
-    cell = np.clip(cell.astype(np.int64), 0, side - 1)
-    return cell[..., 1] * side + cell[..., 0]
+    index: NDArray[np.int64] = np.clip(cell.astype(np.int64), 0, side - 1)
+    return index[..., 1] * side + index[..., 0]

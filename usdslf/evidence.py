@@ -205,14 +205,15 @@ def _trace(
     for dome in lights.domes:
         p = LIGHT_RAYS * dome.dome.pdf(world[missed])
         fixed[missed] += dome.dome.radiance(world[missed], None) / (density[missed] + p)[:, None]
-    for source in lights.placed:
-        if not source.is_delta:
-            distance, radiance, pdf = source.intersect(starts, world)
+    for placed in lights.placed:
+        if not placed.is_delta:
+            distance, radiance, pdf = placed.intersect(starts, world)
             met = usable & (distance < np.where(hits.triangle < 0, np.inf, hits.distance) * 1.0001)
             met |= usable & (radiance.max(1) > 0) & (hits.triangle < 0)
             fixed[met] += radiance[met] / (density[met] + LIGHT_RAYS * pdf[met])[:, None]
     locals_, lights_in = [device.download(local_d)], [fixed.reshape(s, RAYS, 3)]
-    for source in [*lights.placed, *lights.domes]:
+    everything: list[Any] = [*lights.placed, *lights.domes]
+    for source in everything:
         direction, light = _sample_source(source, eye, frames, origin, device, mixture, constants, tracer, rng)
         locals_.append(direction)
         lights_in.append(light)

@@ -201,7 +201,8 @@ def _refit(
     tables = pool_tables(mine, answer.pool.material, field.model)
     if chosen.freed:
         if "glossiness" in chosen.freed:
-            fine = [_finer(e, painted[i].samples, field, chosen) for e, i in zip(mine, answer.pool.strokes, strict=True)]
+            pairs = zip(mine, answer.pool.strokes, strict=True)
+            fine = [_finer(e, painted[i].samples, field, chosen) for e, i in pairs]
             tables = pool_tables(fine, answer.pool.material, field.model)
             fits = [refit(tables, replace(chosen, level=j), options) for j in range(FINE_LEVELS)]
             best = min(fits, key=lambda c: c.misfit)

@@ -10,7 +10,7 @@ Source: Nguyen et al. 2013, section 3 (rendering equation), 5.2, 6.2.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -44,13 +44,7 @@ class Surface:
     @staticmethod
     def of(elements: Elements) -> Surface:
         """Takes the reflectance that the elements were sampled with."""
-        one = lambda x: np.asarray(x, np.float32).reshape(len(elements.position), -1)[:, 0]  # noqa: E731
-        return Surface(
-            *(np.asarray(x, np.float32) for x in (elements.diffuse, elements.f0, elements.f90)),
-            one(elements.roughness),
-            np.asarray(elements.emission, np.float32),
-            *(one(x) for x in (elements.clearcoat, elements.clearcoat_roughness, elements.coat_f0)),
-        )
+        return Surface(**{f.name: np.asarray(getattr(elements, f.name), np.float32) for f in fields(Surface)})
 
     def with_rows(self, rows: NDArray, **values: NDArray) -> Surface:
         """Returns a copy in which `rows` (boolean or index) have other values."""

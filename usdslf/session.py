@@ -171,8 +171,9 @@ class Session:
         fixed, visibility = self.fixed_light, self.visibility
         with self._step("light field"):
             field = LightField(
-                self.device, self.elements, self.lookup, visibility, fixed, self.scene.triangles.face_normals, self.model
-            )
+                self.device, self.elements, self.lookup, visibility, fixed, self.scene.triangles.face_normals,
+                self.model,
+            )  # fmt: skip
             self._converge(field)
         return field
 

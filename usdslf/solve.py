@@ -302,8 +302,8 @@ def background_misfit(t: Tables, c: Candidate) -> float:
 def place_gain(t: Tables, o: Options, c: Candidate) -> float:
     """How much better than chance the stroke lies where the candidate changes what is seen.
 
-    The sum over the dabs of log(change at the dab / mean change over the painted surfaces that the eye sees): nothing for
-    a change that is the same everywhere, a gain for a highlight that was painted where it appears.
+    The sum over the dabs of log(change at the dab / mean change over the painted surfaces that the eye sees):
+    nothing for a change that is the same everywhere, a gain for a highlight that was painted where it appears.
     """
     p, u, v, w = t.elsewhere
     if not len(p) or not c.freed:
@@ -422,7 +422,7 @@ def _channel(g: F64, c: int, n: int) -> F64:
 
 
 def _bounded(a: F64, b: F64, low: F64, high: F64) -> F64:
-    """Least squares a x = b with low <= x <= high: what leaves the bounds is fixed on them and the rest solved again."""
+    """Least squares a x = b, low <= x <= high: what leaves the bounds is fixed on them and the rest solved again."""
     free = np.ones(len(low), bool)
     x = np.clip(np.zeros(len(low)), low, high)
     for _ in range(len(low)):

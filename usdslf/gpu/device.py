@@ -7,13 +7,11 @@ import threading
 import warnings
 from typing import Any
 
-os.environ.setdefault("PYOPENCL_NO_CACHE", "0")
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
-import numpy as np  # noqa: E402
-from numpy.typing import ArrayLike, NDArray  # noqa: E402
-
-from usdslf.errors import DeviceError, KernelBuildError, MemoryError_  # noqa: E402
-from usdslf.gpu.source import kernel_source  # noqa: E402
+from usdslf.errors import DeviceError, KernelBuildError, MemoryError_
+from usdslf.gpu.source import kernel_source
 
 try:
     import pyopencl as cl
