@@ -14,6 +14,7 @@ import hashlib
 import os
 import tempfile
 import zipfile
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -118,21 +119,16 @@ def exact_matrices(
 
 def build_level(device: Device, model: str, roughness: float) -> LevelKernel:
     """Builds the weights of one level, or reads them from the user's cache."""
-    file = _cache_folder() / f"level-{_key(model, roughness)}.npz"
-    cached = _read_cache(file)
-    if cached is None:
-        cached = _compute_level(device, model, roughness)
-        _write_cache(file, cached)
-    return cached
+    return _cached(_key("level", model, roughness), lambda: _compute_level(device, model, roughness))
 
 
-def _key(model: str, roughness: float) -> str:
-    """Names a level by all that it is computed from: kernels, this code, and the parameters."""
+def _key(what: str, model: str, roughness: float) -> str:
+    """Names weights by all that they are computed from: kernels, this code, and the parameters."""
     code = hashlib.sha256(kernel_source("preconvolution").encode())
     for module in ("preconvolution", "reflectance", "directions"):
         code.update(Path(__file__).with_name(f"{module}.py").read_bytes())
-    code.update(f"{model}{roughness:.6f}".encode())
-    return code.hexdigest()[:24]
+    code.update(f"{what}{model}{roughness:.6f}".encode())
+    return f"{what}-{code.hexdigest()[:24]}"
 
 
 def _compute_level(device: Device, model: str, roughness: float) -> LevelKernel:
@@ -173,15 +169,22 @@ def _keep_largest(a: NDArray, b: NDArray, albedo: NDArray) -> tuple[NDArray, NDA
 
 
 def fresnel_diffuse(device: Device, model: str) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Returns the column Y (D / 4, D / 4), what Fresnel's ramp takes from the diffuse reflection, and its scale (D,)."""
+    """What Fresnel's ramp takes from the diffuse reflection: the column Y (D / 4, D / 4), and its scale (D,)."""
     if model == "phong":
         return np.zeros((COARSE_D, COARSE_D), np.float32), np.ones(D, np.float32)
-    rows, row_of_bin, moved = _symmetry(SIDE)
-    y = _exact_rows(device, model, 1.0, rows, SIDE)[2]
-    exact = directional_albedo(model, 1.0, bin_directions()[rows, 2])[:, 1]
-    y *= (exact / y.sum(1))[:, None]
-    coarse = _coarsen(y[row_of_bin[:, None], moved]).astype(np.float32)
-    return coarse, _fine_scale(exact[row_of_bin], coarse)
+
+    def compute() -> LevelKernel:
+        rows, row_of_bin, moved = _symmetry(SIDE)
+        y = _exact_rows(device, model, 1.0, rows, SIDE)[2]
+        exact = directional_albedo(model, 1.0, bin_directions()[rows, 2])[:, 1]
+        y *= (exact / y.sum(1))[:, None]
+        coarse = _coarsen(y[row_of_bin[:, None], moved]).astype(np.float32)
+        scale = _fine_scale(exact[row_of_bin], coarse)
+        return LevelKernel(coarse, coarse, fine_scale=np.stack([scale, scale], 1))
+
+    kernel = _cached(_key("fresnel", model, 1.0), compute)
+    assert kernel.fine_scale is not None
+    return kernel.a, np.ascontiguousarray(kernel.fine_scale[:, 0])
 
 
 def _fine_scale(albedo: NDArray, coarse: NDArray) -> NDArray[np.float32]:
@@ -194,6 +197,15 @@ def _coarsen(matrix: NDArray) -> NDArray:
     h = SIDE // 2
     blocks = matrix.reshape(h, 2, h, 2, h, 2, h, 2)
     return blocks.sum((5, 7)).mean((1, 3)).reshape(h * h, h * h)
+
+
+def _cached(name: str, compute: Callable[[], LevelKernel]) -> LevelKernel:
+    file = _cache_folder() / f"{name}.npz"
+    kernel = _read_cache(file)
+    if kernel is None:
+        kernel = compute()
+        _write_cache(file, kernel)
+    return kernel
 
 
 def _cache_folder() -> Path:
@@ -215,7 +227,7 @@ def _write_cache(file: Path, level: LevelKernel) -> None:
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.NamedTemporaryFile(dir=file.parent, suffix=".npz", delete=False) as out:
-            np.savez(out, **arrays)  # type: ignore[arg-type]
+            np.savez(out, **arrays)
         os.replace(out.name, file)
     except OSError:
         pass
