@@ -24,7 +24,7 @@ from usdslf.reflectance import LEVEL_COUNT
 
 F64 = NDArray[np.float64]
 GROUPS = ("diffuse", "specular", "glossiness")
-TRUST = (0.5, 0.25, 0.15, 0.1, 0.1)  # relative error of a dab at which it has half its weight, round by round
+TRUST = (0.5, 0.25, 0.15, 0.1, 0.07, 0.05)  # relative error of a dab at which it has half its weight, round by round
 COLOR_GAIN = 4.0  # misfit for which a grey metal becomes coloured
 ROUNDS = 4  # of Gauss and Newton, for the bilinear candidates
 
@@ -442,7 +442,7 @@ def _bounded(a: F64, b: F64, low: F64, high: F64) -> F64:
 def refit(t: Tables, chosen: Candidate, o: Options | None = None) -> Candidate:
     """Fits the chosen parameters again, on the painted directions alone and without a painter's drift and tint."""
     o = o or Options()
-    exact = replace(o, drift_error=0.03, tint_error=0.01)
+    exact = replace(o, drift_error=0.0, tint_error=0.0, outlier=4.0)
     white = whiten(t, exact)
     diffuse, specular, _ = _ways(chosen)
     dd, df, misfit = _fit_robustly(t, exact, white, chosen.level, diffuse, specular, chosen.is_tint)
