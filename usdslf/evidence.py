@@ -89,7 +89,7 @@ def gather_samples(
     rows = np.flatnonzero(np.isin(located.row, dab_rows(stroke)))
     if len(rows) > MOST_DABS:
         rows = rows[np.linspace(0, len(rows) - 1, MOST_DABS).round().astype(int)]
-    dab, triangle, barycentric = _footprint(stroke, scene, tracer, located, rows)
+    dab, triangle, barycentric = footprint(stroke, scene, tracer, located, rows)
     used, dab = np.unique(dab, return_inverse=True)
     stroke_row = located.row[rows[used]]
     seen_from = stroke.eye[stroke_row][dab].astype(np.float64)
@@ -101,7 +101,13 @@ def gather_samples(
     barycentric = np.concatenate([barycentric[order], field.elements.barycentric[other]])
     seen_from = np.concatenate([seen_from[order], np.broadcast_to(seen_from.mean(0), (len(other), 3))])
     surface = evaluate_surface(scene, triangle, barycentric)
+    return trace_samples(dab, surface, seen_from, tracer, field, lights), stroke_row
 
+
+def trace_samples(
+    dab: NDArray, surface: SurfacePoints, seen_from: NDArray, tracer: RayTracer, field: LightField, lights: LightSet
+) -> Samples:
+    """Traces the rays of samples, surface points of dabs (S,), each seen from an eye (S, 3)."""
     eye = seen_from - surface.position
     eye /= np.linalg.norm(eye, axis=1, keepdims=True)
     side = np.where(np.einsum("ij,ij->i", eye, surface.geometric_normal) < 0, -1, 1)[:, None].astype(np.float32)
@@ -110,8 +116,8 @@ def gather_samples(
     e = np.einsum("sij,sj->si", frames, eye)
     e[:, 2] = np.maximum(e[:, 2], LEAST_COSINE)
     e = (e / np.linalg.norm(e, axis=1, keepdims=True)).astype(np.float32)
-    origin = tracer.offset_points(surface.position, geometric, triangle)
-    return _trace(e, frames, origin, surface, dab, tracer, field, lights), stroke_row
+    origin = tracer.offset_points(surface.position, geometric, surface.triangle)
+    return _trace(e, frames, origin, surface, dab, tracer, field, lights)
 
 
 def _elsewhere(field: LightField, tracer: RayTracer, materials: NDArray, eye: NDArray) -> NDArray[np.int64]:
@@ -136,10 +142,10 @@ def frames_about(normal: NDArray) -> NDArray[np.float32]:
     return np.stack([t, u, normal], 1).astype(np.float32)
 
 
-def _footprint(
-    stroke: Stroke, scene: Scene, tracer: RayTracer, located: Any, rows: NDArray
+def footprint(
+    stroke: Stroke, scene: Scene, tracer: RayTracer, located: Any, rows: NDArray, reach: float = 1.0
 ) -> tuple[NDArray, NDArray, NDArray]:
-    """Surface points (S,) spread over the brush as its painter saw it: dab, triangle, barycentric."""
+    """Surface points (S,) spread over `reach` brushes as the painter saw them: dab, triangle, barycentric."""
     k = np.arange(SAMPLES)
     spiral = np.sqrt((k + 0.5) / SAMPLES)[:, None] * np.stack([np.cos(2.39996 * k), np.sin(2.39996 * k)], -1)
     center = located.position[rows].astype(np.float64)
@@ -148,11 +154,11 @@ def _footprint(
     towards = center - origin
     distance = np.linalg.norm(towards, axis=1)
     frame = frames_about(towards / distance[:, None])
-    disk = np.einsum("kc,ncj->nkj", spiral, frame[:, :2]) * (stroke.widths[stroke_row] / 2)[:, None, None]
+    disk = np.einsum("kc,ncj->nkj", spiral, frame[:, :2]) * (reach * stroke.widths[stroke_row] / 2)[:, None, None]
     aim = center[:, None] + disk - origin[:, None]
     aim /= np.linalg.norm(aim, axis=2, keepdims=True)
     # start close to the surface: what hangs before it when the stroke is read again does not matter
-    start = center[:, None] + disk - aim * (2 * stroke.widths[stroke_row])[:, None, None]
+    start = center[:, None] + disk - aim * (2 * reach * stroke.widths[stroke_row])[:, None, None]
     hits = tracer.intersect(start.reshape(-1, 3), aim.reshape(-1, 3))
     table = scene.triangles
     dab = np.repeat(np.arange(len(rows)), SAMPLES)
@@ -258,8 +264,14 @@ def _sample_source(
     return local, light.reshape(s, k, 3)
 
 
-def build_evidence(stroke: Stroke, stroke_row: NDArray, samples: Samples, field: LightField) -> Evidence:
-    """Turns the light that arrives now into columns, on all levels and in unpainted directions too."""
+def build_evidence(
+    stroke: Stroke, stroke_row: NDArray, samples: Samples, field: LightField, wanted: NDArray | None = None
+) -> Evidence:
+    """Turns the light that arrives now into columns, on all levels and in unpainted directions too.
+
+    Args:
+        wanted: (n, 3) radiance that the stroke's tool asks for; None: the stroke's colours.
+    """
     surface = samples.surface
     n = len(stroke_row)
     own = surface.roughness.astype(np.float64)
@@ -267,11 +279,13 @@ def build_evidence(stroke: Stroke, stroke_row: NDArray, samples: Samples, field:
     levels = sample_levels(own, float(own[samples.dab < n].mean()))
     columns = evaluate_columns(samples, field, levels)
     background_sample, background = _background(samples, field, levels, first)
-    coat = _coat(samples, field) + surface.emission
+    coat = unchanging_radiance(samples, field)
     target = stroke.colors[stroke_row].astype(np.float64)
     if stroke.space == "reflectance":
         e_over_pi = mean_by(columns[:, -1, 0] + columns[:, -1, 1], samples.dab)[:n]
         target = target * e_over_pi
+    if wanted is not None:
+        target = wanted
     return Evidence(
         stroke, target, surface.material[first].astype(np.int64), samples.dab, surface, levels, columns, coat,
         background_sample, background,
@@ -333,13 +347,14 @@ def _background(
     return first[rows], _columns(field, eye, rows, towards_d, light, clamped)
 
 
-def _coat(samples: Samples, field: LightField) -> NDArray[np.float64]:
+def unchanging_radiance(samples: Samples, field: LightField) -> NDArray[np.float64]:
+    """Returns what clearcoat and emission send to the eye (S, 3): no parameter of ours changes it."""
     surface = samples.surface
     if not np.any(surface.clearcoat > 0):
-        return np.zeros((len(samples.eye), 3))
+        return surface.emission.astype(np.float64)
     columns = evaluate_columns(samples, field, surface.clearcoat_roughness[:, None].astype(np.float64))[:, 0]
     f0 = surface.coat_f0[:, None]
-    return surface.clearcoat[:, None] * (f0 * columns[:, 2] + columns[:, 3])
+    return surface.emission + surface.clearcoat[:, None] * (f0 * columns[:, 2] + columns[:, 3])
 
 
 def mean_by(values: NDArray, group: NDArray) -> NDArray:

@@ -23,6 +23,7 @@ from usdslf.light_set import LightSet
 from usdslf.scene import Scene
 from usdslf.solve import Candidate, Options, Tables, enumerate_candidates, pool_tables, refit, relative_error
 from usdslf.strokes import Stroke
+from usdslf.tools import asks_for_nothing, wanted_radiance
 
 if TYPE_CHECKING:
     from usdslf.visibility import RayTracer
@@ -41,6 +42,7 @@ class Pool:
     scope: str  # material | prim | stroke
     targets: tuple[str, ...]  # gprims of the scope; () for the whole material
     strokes: tuple[int, ...]  # into the strokes that were read
+    is_held: bool = False  # asks for no change: a fixate stroke, or a strength of zero
 
 
 @dataclass(frozen=True)
@@ -71,30 +73,31 @@ class Painted:
     stroke: Stroke
     samples: Samples
     rows: NDArray  # of the stroke, per dab
+    wanted: NDArray | None = None  # (n, 3) what its tool asks of the light before any edit; None: its colours
 
     def evidence(self, field: LightField) -> Evidence:
         """The evidence under the light of now."""
-        return build_evidence(self.stroke, self.rows, self.samples, field)
+        return build_evidence(self.stroke, self.rows, self.samples, field, self.wanted)
 
 
 def gather_strokes(
     strokes: list[Stroke], scene: Scene, tracer: RayTracer, field: LightField, lights: LightSet, warnings: list[str]
 ) -> list[Painted]:
-    """Traces the samples of all active strokes.
+    """Traces the samples of all active strokes, and reads what their tools ask of the light field before any edit.
 
-    Raises: StrokeError for a stroke that lies on no surface or has a tool or mode that this version lacks.
+    Raises: StrokeError for a stroke that lies on no surface or has a mode that this version lacks.
     """
     painted = []
     for stroke in strokes:
         if not stroke.active:
             continue
-        if stroke.tool != "replace" or stroke.mode != "direct":
+        if stroke.mode != "direct":
             raise StrokeError(
-                f"{stroke.path}: {stroke.mode} strokes with the tool {stroke.tool} cannot be solved; "
-                "use a direct stroke with the tool replace, or deactivate it"
+                f"{stroke.path}: {stroke.mode} strokes cannot be solved; use a direct stroke, or deactivate it"
             )
         samples, rows = gather_samples(stroke, scene, tracer, field, lights, warnings)
-        painted.append(Painted(stroke, samples, rows))
+        wanted = wanted_radiance(stroke, rows, samples, scene, tracer, field, lights, warnings)
+        painted.append(Painted(stroke, samples, rows, wanted))
     return painted
 
 
@@ -146,25 +149,41 @@ def infer_changes(
 
 
 def _total(answers: list[Answer]) -> float:
-    return float(np.mean([a.residual_after for a in answers]))
+    return float(np.mean([a.residual_after for a in answers if not a.pool.is_held] or [0.0]))
 
 
 def _pools(evidence: list[Evidence], scene: Scene) -> list[Pool]:
-    """Sorts strokes by the material and scope that they speak of; the material with most dabs of a stroke counts."""
+    """Sorts strokes by the material and scope that they speak of; the material with most dabs of a stroke counts.
+
+    Raises: StrokeError for a stroke on a material that another stroke fixates.
+    """
     found: dict[tuple, list[int]] = {}
+    fixed = fixed_materials(evidence)
     for i, e in enumerate(evidence):
         if not len(e.material):
             continue
         values, counts = np.unique(e.material, return_counts=True)
         material = int(values[counts.argmax()])
         scope = {"similar": "material"}.get(e.stroke.scope, e.stroke.scope)
+        is_held = asks_for_nothing(e.stroke)
+        if material in fixed and not is_held:
+            raise StrokeError(
+                f"{e.stroke.path} asks for a change of {scene.materials[material].path or 'a material'}, which "
+                f"{fixed[material]} fixates; deactivate one of the two strokes"
+            )
         targets: tuple[str, ...] = ()
         if scope in ("prim", "stroke"):
             meshes = np.unique(e.surface.mesh[e.surface.material == material])
             targets = tuple(scene.meshes[m].path for m in meshes)
-        key = (material, scope, targets, i if scope == "stroke" else -1)
+        key = (material, scope, targets, i if scope == "stroke" or is_held else -1, is_held)
         found.setdefault(key, []).append(i)
-    return [Pool(m, s, t, tuple(i)) for (m, s, t, _), i in found.items()]
+    return [Pool(m, s, t, tuple(i), held) for (m, s, t, _, held), i in found.items()]
+
+
+def fixed_materials(evidence: list[Evidence]) -> dict[int, str]:
+    """Returns the materials that fixate strokes lie on, with the path of such a stroke."""
+    fixing = [e for e in evidence if e.stroke.tool == "fixate" and e.stroke.strength > 0]
+    return {int(m): e.stroke.path for e in fixing for m in np.unique(e.material)}
 
 
 def _first_answer(
@@ -175,8 +194,10 @@ def _first_answer(
     norms = {e.stroke.norm for e in mine} - {"mixed"}
     options = replace(options, norm=norms.pop()) if len(norms) == 1 else options
     candidates = enumerate_candidates(tables, options)
+    if pool.is_held:
+        candidates = [c for c in candidates if not c.freed]
     wanted = [choose.get(e.stroke.name) or e.stroke.choice for e in mine]
-    wanted = [w for w in wanted if w]
+    wanted = [w for w in wanted if w and not pool.is_held]
     chosen = candidates[0]
     if wanted:
         same = [c for c in candidates if c.id == wanted[0]]
@@ -265,6 +286,8 @@ def _changed_surface(
     """The elements' reflectance with all answers applied."""
     surface = original
     for a in answers:
+        if not a.chosen.freed:
+            continue
         rows = scope_rows(a.pool, field, scene, painted)
         s, c = original, a.chosen
         f0 = c.f0_of(s.f0[rows])

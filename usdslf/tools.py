@@ -1,0 +1,260 @@
+"""Tools: what each tool asks of the light field under a stroke, seen from its eye.
+
+A tool is an operator M on the light field L, and a stroke of strength s asks for
+
+    L + s (M L - L)        replace: M L = painted colour     clone:   M L = L at the offset source
+                           brighten:    = 2 L                darken:      = 0
+                           blur:        = B                  sharpen:     = 2 L - B
+                           fixate:      = L
+
+so that brighten asks for (1 + s) L, darken for (1 - s) L and sharpen for L + s (L - B).  L is the mean over a dab.
+B is the mean over a disk of BLUR_REACH times the brush on the surface, and over directions w' spread about the
+eye's w like a Gaussian:
+
+    B = mean of L(x', w'),   |x' - x| < BLUR_REACH r,   w' - w ~ N(0, sigma),   sigma^2 = BLUR_ANGLE^2 + (2 alpha)^2
+
+2 alpha is the width of the highlight itself [radians], so that each blur is a like step, as large for a dull
+surface as for a shiny one.  All is read from the light field before any edit: a tool does not chase what it did.
+
+Source: Nguyen et al. 2013, 4 and 4.1.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from usdslf.anchors import Located, locate_stroke, points_on_triangles
+from usdslf.camera_rays import camera_rays
+from usdslf.errors import StrokeError
+from usdslf.evidence import (
+    SAMPLES,
+    Samples,
+    evaluate_columns,
+    footprint,
+    frames_about,
+    mean_by,
+    trace_samples,
+    unchanging_radiance,
+)
+from usdslf.light_field import LightField
+from usdslf.light_set import LightSet
+from usdslf.low_discrepancy import random_shifts, sobol_points
+from usdslf.nearest import nearest_on_triangles
+from usdslf.scene import F64, Camera, Scene
+from usdslf.solve import bilinear
+from usdslf.strokes import Stroke
+from usdslf.surface import evaluate_surface
+
+if TYPE_CHECKING:
+    from usdslf.visibility import RayTracer
+
+BLUR_REACH = 2.0  # brush radii over the surface
+BLUR_ANGLE = 0.12  # radians over directions, beside the lobe's own width
+WIDEST_BLUR = 0.6  # radians
+BLUR_EYES = 3  # directions of each surface point
+
+
+@dataclass(frozen=True)
+class Seen:
+    """What the eye sees at a stroke's n dabs before any edit: radiance (n, 3), the last two where a tool needs them."""
+
+    radiance: F64
+    painted: F64  # the stroke's colours as radiance
+    source: F64 | None = None  # at the point to clone from
+    blurred: F64 | None = None  # B
+
+
+def replace(seen: Seen) -> F64:
+    """Returns what was painted."""
+    return seen.painted
+
+
+def clone(seen: Seen) -> F64:
+    """Returns what the same eye sees at the source."""
+    assert seen.source is not None
+    return seen.source
+
+
+def brighten(seen: Seen) -> F64:
+    """Returns twice the light."""
+    return 2 * seen.radiance
+
+
+def darken(seen: Seen) -> F64:
+    """Returns darkness."""
+    return 0 * seen.radiance
+
+
+def blur(seen: Seen) -> F64:
+    """Returns the mean over near directions and points."""
+    assert seen.blurred is not None
+    return seen.blurred
+
+
+def sharpen(seen: Seen) -> F64:
+    """Returns the light as far from its mean on the other side."""
+    assert seen.blurred is not None
+    return 2 * seen.radiance - seen.blurred
+
+
+def fixate(seen: Seen) -> F64:
+    """Returns the light as it is."""
+    return seen.radiance
+
+
+OPERATORS: dict[str, Callable[[Seen], F64]] = {
+    f.__name__: f for f in (replace, clone, brighten, darken, blur, sharpen, fixate)
+}
+
+
+def apply_tool(tool: str, seen: Seen, strength: float) -> F64:
+    """Returns the radiance (n, 3) that a tool of a strength asks for, never below zero."""
+    asked = seen.radiance + strength * (OPERATORS[tool](seen) - seen.radiance)
+    return np.maximum(asked, 0)
+
+
+def asks_for_nothing(stroke: Stroke) -> bool:
+    """Whether the stroke wants no change where it lies."""
+    return stroke.tool == "fixate" or stroke.strength == 0
+
+
+def needs_color(tool: str) -> bool:
+    """Whether a tool takes the stroke's colours."""
+    return tool == "replace"
+
+
+def wanted_radiance(
+    stroke: Stroke, stroke_row: NDArray, samples: Samples, scene: Scene, tracer: RayTracer, field: LightField,
+    lights: LightSet, warnings: list[str],
+) -> F64 | None:  # fmt: skip
+    """Reads the radiance (n, 3) that the stroke asks for at its dabs; None where it is just the painted colours.
+
+    Args:
+        stroke_row: (n,) the stroke's point of each dab, as of `gather_samples`.
+        field: before any edit.
+
+    Raises: StrokeError where a source to clone lies on no surface.
+    """
+    if stroke.tool == "replace" and stroke.strength == 1:
+        return None
+    n = len(stroke_row)
+    columns = evaluate_columns(samples, field, samples.surface.roughness[:, None].astype(np.float64))
+    radiance = mean_by(_sum(columns, samples, field), samples.dab)[:n]
+    painted = stroke.colors[stroke_row].astype(np.float64)
+    if stroke.space == "reflectance":
+        painted = painted * mean_by(columns[:, 0, 0] + columns[:, 0, 1], samples.dab)[:n]
+    source = blurred = None
+    if stroke.tool == "clone":
+        source = _at_source(stroke, stroke_row, scene, tracer, field, lights, warnings)
+    if stroke.tool in ("blur", "sharpen"):
+        blurred = _blurred(stroke, stroke_row, scene, tracer, field, lights)
+    return apply_tool(stroke.tool, Seen(radiance, painted, source, blurred), stroke.strength)
+
+
+def seen_radiance(samples: Samples, field: LightField) -> F64:
+    """Returns the radiance (S, 3) that samples send to their eyes, with the reflectance that they were laid on."""
+    levels = samples.surface.roughness[:, None].astype(np.float64)
+    return _sum(evaluate_columns(samples, field, levels), samples, field)
+
+
+def _sum(columns: F64, samples: Samples, field: LightField) -> F64:
+    """Radiance (S, 3) from columns (S, 1, 4, 3)."""
+    d, f0, f90 = (x.astype(np.float64) for x in (samples.surface.diffuse, samples.surface.f0, samples.surface.f90))
+    return bilinear(columns, d, f0, f90, False, field.model)[0][:, 0] + unchanging_radiance(samples, field)
+
+
+def _blurred(
+    stroke: Stroke, stroke_row: NDArray, scene: Scene, tracer: RayTracer, field: LightField, lights: LightSet
+) -> F64:
+    """B (n, 3): rays of their own for each point and direction, so that sharp lobes are met too."""
+    located = locate_stroke(scene, stroke)
+    rows = np.searchsorted(located.row, stroke_row)
+    dab, triangle, barycentric = footprint(stroke, scene, tracer, located, rows, BLUR_REACH)
+    dab, triangle, barycentric = (np.repeat(x, BLUR_EYES, 0) for x in (dab, triangle, barycentric))
+    order = np.argsort(dab, kind="stable")
+    dab, surface = dab[order], evaluate_surface(scene, triangle[order], barycentric[order])
+
+    # each dab's directions are spread evenly over the Gaussian, in an order that its points do not follow
+    rng = np.random.default_rng(5)
+    even = sobol_points(0, SAMPLES * BLUR_EYES, random_shifts(len(rows), rng))
+    even = np.take_along_axis(even, rng.random(even.shape[:2]).argsort(1)[..., None], 1)
+    u, v = even[dab, np.arange(len(dab)) - np.searchsorted(dab, dab)].T
+    sigma = np.minimum(np.hypot(BLUR_ANGLE, 2 * surface.roughness.astype(np.float64) ** 2), WIDEST_BLUR)
+    radius = sigma * np.sqrt(-2 * np.log1p(-np.minimum(u, 0.999)))
+    towards = stroke.eye[stroke_row][dab].astype(np.float64) - surface.position
+    distance = np.linalg.norm(towards, axis=1)
+    frame = frames_about(towards / distance[:, None])
+    angle = np.stack([np.cos(2 * np.pi * v), np.sin(2 * np.pi * v)], -1) * np.tan(np.minimum(radius, 1.3))[:, None]
+    turned = frame[:, 2] + np.einsum("nc,ncj->nj", angle, frame[:, :2])
+    turned *= (distance / np.linalg.norm(turned, axis=1))[:, None]
+    samples = trace_samples(dab, surface, surface.position + turned, tracer, field, lights)
+    return mean_by(seen_radiance(samples, field), dab)
+
+
+def _at_source(
+    stroke: Stroke, stroke_row: NDArray, scene: Scene, tracer: RayTracer, field: LightField, lights: LightSet,
+    warnings: list[str],
+) -> F64:  # fmt: skip
+    """Radiance (n, 3) at the points to clone from, through the same brush, to the same eye.
+
+    A source that lies on no surface is the one that the eye sees behind or before it.
+    """
+    here = locate_stroke(scene, stroke)
+    point = here.position[np.searchsorted(here.row, stroke_row)].astype(np.float64) + stroke.clone_offset
+    nearest = nearest_on_triangles(scene.triangles.positions, point)
+    triangle, barycentric = nearest.triangle.copy(), nearest.barycentric.copy()
+    off = np.flatnonzero(nearest.distance > 0.5 * stroke.widths[stroke_row])
+    if len(off):
+        eye = stroke.eye[stroke_row[off]].astype(np.float64)
+        way = point[off] - eye
+        hits = tracer.intersect(eye, way / np.linalg.norm(way, axis=1, keepdims=True))
+        triangle[off], barycentric[off] = hits.triangle, hits.barycentric
+    found = np.flatnonzero(triangle >= 0)
+    if not len(found):
+        raise StrokeError(
+            f"{stroke.path} clones from a place that is on no surface; choose a clone offset that leads to one"
+        )
+    if len(found) < len(triangle):
+        lost = len(triangle) - len(found)
+        warnings.append(f"{stroke.path}: {lost} dabs clone from no surface; the source of the next dab is used")
+    on, at = triangle[found].astype(np.int32), barycentric[found].astype(np.float32)
+    located = Located(stroke_row[found], on, at, *points_on_triangles(scene, on, at), False)
+    dab, triangle, barycentric = footprint(stroke, scene, tracer, located, np.arange(len(found)))
+    surface = evaluate_surface(scene, triangle, barycentric)
+    seen_from = stroke.eye[stroke_row[found]][dab].astype(np.float64)
+    samples = trace_samples(dab, surface, seen_from, tracer, field, lights)
+    light = mean_by(seen_radiance(samples, field), dab)
+    next_one = np.abs(np.arange(len(stroke_row))[:, None] - found[None]).argmin(1)
+    return light[next_one]
+
+
+def offset_on_picture(
+    scene: Scene, tracer: RayTracer, camera: Camera, paths: Sequence[ArrayLike], shift: ArrayLike,
+    aspect: float | None = None,
+) -> tuple[float, float, float]:  # fmt: skip
+    """Returns the way in the world from what a stroke starts on to what lies `shift` from there on the picture.
+
+    Args:
+        paths: each (k, 2), as for `paint_stroke`; the first point that has a surface at both ends counts.
+        shift: (2,) picture coordinates, x to the right and y down.
+
+    Raises: StrokeError where no point has a surface at both ends.
+    """
+    at = np.concatenate([np.asarray(p, np.float64).reshape(-1, 2) for p in paths])
+    aspect = aspect or camera.horizontal_aperture / camera.vertical_aperture
+    ends = []
+    for end in (at, at + np.asarray(shift, np.float64)):
+        rays = camera_rays(camera, end, aspect)
+        hits = tracer.intersect(rays.origin, rays.direction)
+        seen = (hits.triangle >= 0) & (hits.distance <= rays.limit)
+        ends.append((seen, points_on_triangles(scene, np.maximum(hits.triangle, 0), hits.barycentric)[0]))
+    both = np.flatnonzero(ends[0][0] & ends[1][0])
+    if not len(both):
+        raise StrokeError("The clone offset leads off every surface that the camera sees: choose another one.")
+    x, y, z = (ends[1][1][both[0]] - ends[0][1][both[0]]).astype(float)
+    return float(x), float(y), float(z)
