@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from usdslf.lights import default_lights
+from usdslf.light_set import lights_or_default
 from usdslf.scene import Material, PrimvarInput, Scene, Texture
 
 INPUTS = (
@@ -20,9 +20,7 @@ INPUTS = (
 def describe(scene: Scene) -> dict[str, Any]:
     """Returns JSON-ready values of all that was read."""
     lower, upper = scene.bounds
-    warnings = list(scene.warnings)
-    if not scene.lights and not any(_emits(m) for m in scene.materials):
-        warnings.append(default_lights(scene)[1])
+    warnings = [*scene.warnings, *filter(None, [lights_or_default(scene)[1]])]
     users = np.zeros(len(scene.materials), np.int64)
     for mesh in scene.meshes:
         users[np.unique(mesh.material_of_triangle)] += 1
@@ -33,9 +31,7 @@ def describe(scene: Scene) -> dict[str, Any]:
         "meters_per_unit": scene.meters_per_unit,
         "working_space": scene.working_space,
         "bounds": [lower.tolist(), upper.tolist()],
-        "meshes": [
-            {"prim": m.path, "triangles": len(m.triangles), "uv_sets": sorted(m.uvs)} for m in scene.meshes
-        ],
+        "meshes": [{"prim": m.path, "triangles": len(m.triangles), "uv_sets": sorted(m.uvs)} for m in scene.meshes],
         "materials": [_describe_material(m, int(n)) for m, n in zip(scene.materials, users)],
         "lights": [{"prim": x.path, "kind": x.kind, "radiance": list(x.radiance)} for x in scene.lights],
         "cameras": [c.path for c in scene.cameras],
@@ -62,11 +58,6 @@ def _describe_input(value: Any) -> Any:
         return {"primvar": value.name}
     values = [round(float(v), 6) for v in np.asarray(value).reshape(-1)]
     return values[0] if len(values) == 1 else values
-
-
-def _emits(material: Material) -> bool:
-    emission = material.emissive_color
-    return not isinstance(emission, np.ndarray) or bool(emission.max() > 0)
 
 
 def as_text(found: dict[str, Any]) -> Iterator[str]:

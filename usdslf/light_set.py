@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdslf.dome import Dome
-from usdslf.lights import intersect_light, is_delta, sample_light
+from usdslf.lights import default_lights, intersect_light, is_delta, sample_light
 from usdslf.scene import F32, I32, Light, Scene
 from usdslf.surface import evaluate_surface
 
@@ -286,6 +286,16 @@ class LightSet:
         even = worth / np.float32(max(worth.sum(), 1))
         share = np.where(total > 0, guess / np.where(total > 0, total, 1), even)
         return (0.8 * share + 0.2 * even).astype(np.float32)
+
+
+def lights_or_default(scene: Scene) -> tuple[tuple[Light, ...], str]:
+    """Returns the lights of a scene and no words; where nothing shines, the default ones and a sentence about them.
+
+    A surface shines if something of it does: an emission texture that is black, or missing, is no light.
+    """
+    if scene.lights or len(EmissiveSurfaces(scene, SurfaceEmission(scene)).triangle):
+        return scene.lights, ""
+    return default_lights(scene)
 
 
 def light_area(light: Light) -> float:

@@ -322,7 +322,7 @@ def default_lights(scene: Scene) -> tuple[tuple[Light, ...], str]:
     """
     up = np.array([0.0, 0, 1]) if scene.up_axis == "Z" else np.array([0.0, 1, 0])
     back = np.array([0.0, -1, 0]) if scene.up_axis == "Z" else np.array([0.0, 0, 1])
-    seen_from = "the front"
+    seen_from = "a viewer in front"
     if scene.cameras:
         camera = np.asarray(scene.cameras[0].world_from_camera, np.float64)
         up, back = camera[:3, 1], camera[:3, 2]

@@ -25,8 +25,9 @@ from usdslf.errors import InputError, SolveError, StageError
 from usdslf.gpu.device import Device, open_device
 from usdslf.infer import Answer, gather_strokes, infer_changes
 from usdslf.light_field import LightField, require_memory
-from usdslf.light_set import LightSet
-from usdslf.lights import default_lights, static_light
+from usdslf.light_set import LightSet, lights_or_default
+from usdslf.lights import static_light
+from usdslf.overview import overview_camera
 from usdslf.render import render
 from usdslf.scene import Camera, Light, Scene
 from usdslf.solve import Options
@@ -118,12 +119,8 @@ class Session:
     @cached_property
     def lights(self) -> tuple[Light, ...]:
         """The shot's lights, or the stated default where it has none."""
-        scene = self.scene
-        emits = any(not isinstance(m.emissive_color, np.ndarray) or m.emissive_color.max() > 0 for m in scene.materials)
-        if scene.lights or emits:
-            return scene.lights
-        lights, sentence = default_lights(scene)
-        self.warn(sentence)
+        lights, sentence = lights_or_default(self.scene)
+        self.warn(*filter(None, [sentence]))
         return lights
 
     @cached_property
@@ -261,12 +258,16 @@ class Session:
         """
         cameras = self.scene.cameras
         if path is None:
-            return cameras[0] if cameras else _overview(self.scene)
+            return cameras[0] if cameras else self._overview
         for camera in cameras:
             if camera.path == path:
                 return camera
         known = ", ".join(c.path for c in cameras) or "none"
         raise StageError(f"{self.scene.stage} has no camera {path}; there is {known}")
+
+    @cached_property
+    def _overview(self) -> Camera:
+        return overview_camera(self.scene, self.tracer)
 
     def render(
         self, camera: Camera | str | None = None, size: tuple[int, int] = (640, 360), aovs: tuple[str, ...] = (),
@@ -412,19 +413,3 @@ def _plain(values: Mapping[str, NDArray]) -> dict[str, Any]:
 
 def _reflectance(values: Mapping[str, NDArray]) -> Reflectance:
     return Reflectance(values["diffuse"], values["specular"], float(values["roughness"][0]))
-
-
-def _overview(scene: Scene) -> Camera:
-    """A camera that sees the whole scene from the front, a little from above."""
-    low, high = scene.bounds
-    center, radius = (low + high) / 2, max(float(np.linalg.norm(high - low)) / 2, 1e-6)
-    up = np.array([0.0, 0, 1]) if scene.up_axis == "Z" else np.array([0.0, 1, 0])
-    front = np.array([0.0, -1, 0]) if scene.up_axis == "Z" else np.array([0.0, 0, 1])
-    back = front + 0.35 * up + 0.3 * np.cross(up, front)
-    back /= np.linalg.norm(back)
-    right = np.cross(up, back)
-    right /= np.linalg.norm(right)
-    m = np.eye(4)
-    m[:3, 0], m[:3, 1], m[:3, 2] = right, np.cross(back, right), back
-    m[:3, 3] = center + back * radius * 2.6
-    return Camera("", m, 36.0, 24.0, 45.0)
