@@ -48,6 +48,7 @@ class Samples:
 
     dab: NDArray[np.int64]  # (S,) row of the stroke's dabs; those behind the dabs are unpainted points, one sample each
     surface: SurfacePoints
+    side: NDArray[np.int64]  # (S,) +1 where the eye is on the front of the surface, -1 behind it
     eye: NDArray[np.float32]  # (S, 3) local, unit
     towards_d: Any  # device (S, 3, K') local directions; K' is K filled up to a multiple of 16
     fixed: NDArray[np.float32]  # (S, K, 3) light that no edit changes, over density
@@ -110,14 +111,15 @@ def trace_samples(
     """Traces the rays of samples, surface points of dabs (S,), each seen from an eye (S, 3)."""
     eye = seen_from - surface.position
     eye /= np.linalg.norm(eye, axis=1, keepdims=True)
-    side = np.where(np.einsum("ij,ij->i", eye, surface.geometric_normal) < 0, -1, 1)[:, None].astype(np.float32)
-    normal, geometric = surface.normal * side, surface.geometric_normal * side
+    side = np.where(np.einsum("ij,ij->i", eye, surface.geometric_normal) < 0, -1, 1)
+    flip = side[:, None].astype(np.float32)
+    normal, geometric = surface.normal * flip, surface.geometric_normal * flip
     frames = frames_about(normal)
     e = np.einsum("sij,sj->si", frames, eye)
     e[:, 2] = np.maximum(e[:, 2], LEAST_COSINE)
     e = (e / np.linalg.norm(e, axis=1, keepdims=True)).astype(np.float32)
     origin = tracer.offset_points(surface.position, geometric, surface.triangle)
-    return _trace(e, frames, origin, surface, dab, tracer, field, lights)
+    return _trace(e, frames, origin, surface, side, dab, tracer, field, lights)
 
 
 def _elsewhere(field: LightField, tracer: RayTracer, materials: NDArray, eye: NDArray) -> NDArray[np.int64]:
@@ -177,7 +179,7 @@ def footprint(
 
 
 def _trace(
-    eye: NDArray, frames: NDArray, origin: NDArray, surface: SurfacePoints, dab: NDArray,
+    eye: NDArray, frames: NDArray, origin: NDArray, surface: SurfacePoints, side: NDArray, dab: NDArray,
     tracer: RayTracer, field: LightField, lights: LightSet,
 ) -> Samples:  # fmt: skip
     device, s = field.device, len(eye)
@@ -227,7 +229,7 @@ def _trace(
     all_local = np.concatenate(locals_, 1)
     gain = np.concatenate([gain, np.zeros((s, all_local.shape[1] - RAYS))], 1)
     return Samples(
-        dab, surface, eye, device.upload(_by_sixteen(all_local)), np.concatenate(lights_in, 1).astype(np.float32),
+        dab, surface, side, eye, device.upload(_by_sixteen(all_local)), np.concatenate(lights_in, 1).astype(np.float32),
         gain.astype(np.float32), links_d, weights_d, RAYS,
     )  # fmt: skip
 
@@ -332,9 +334,9 @@ def _background(
 ) -> tuple[NDArray, NDArray]:
     """Columns (B, J, 4, 3) of unpainted directions of each dab, from the bins of its nearest element."""
     surface = samples.surface
-    side = np.where(np.einsum("ij,ij->i", surface.geometric_normal, surface.normal) < 0, -1, 1)
-    element, _ = field.lookup.nearest(surface.triangle[first], surface.barycentric[first], side[first])
-    incident = field.incident(element[:, 0])
+    near = field.lookup.nearest(surface.triangle[first], surface.barycentric[first], samples.side[first])
+    element, is_reached = near[0][:, 0], near[1][:, :1, None] > 0
+    incident = field.incident(element) * is_reached  # a side that no light reaches has no elements
     directions = bin_directions().astype(np.float32)
     chosen = np.linspace(0, D - 1, BACKGROUND + 2).round().astype(int)[1:-1]
     chosen = chosen[directions[chosen, 2] > 0.1]
@@ -350,7 +352,7 @@ def _background(
 def unchanging_radiance(samples: Samples, field: LightField) -> NDArray[np.float64]:
     """Returns what clearcoat and emission send to the eye (S, 3): no parameter of ours changes it."""
     surface = samples.surface
-    if not np.any(surface.clearcoat > 0):
+    if field.model == "phong" or not np.any(surface.clearcoat > 0):  # the paper's model has no coat
         return surface.emission.astype(np.float64)
     columns = evaluate_columns(samples, field, surface.clearcoat_roughness[:, None].astype(np.float64))[:, 0]
     f0 = surface.coat_f0[:, None]
