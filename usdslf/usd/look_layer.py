@@ -27,8 +27,9 @@ _FAMILY = "subsetFamily:materialBind:familyType"
 class LookLayer:
     """Opinions on the prims of a shot, in a layer that is in no stage yet."""
 
-    def __init__(self, stage: Usd.Stage) -> None:
-        self.stage = stage
+    def __init__(self, stage: Usd.Stage, by_hand: Sdf.Layer | None = None) -> None:
+        """By hand: opinions that will be in the layer too, whose prims are not to be met by chance."""
+        self.stage, self.by_hand = stage, by_hand
         self.layer = Sdf.Layer.CreateAnonymous(".usda")
 
     # ---- places ----------------------------------------------------------------------------
@@ -57,10 +58,15 @@ class LookLayer:
     def free_path(self, path: Sdf.Path) -> Sdf.Path:
         """Returns `path`, numbered if the shot or this layer has such a prim."""
         candidate, number = path, 1
-        while self.stage.GetPrimAtPath(candidate) or self.layer.GetPrimAtPath(candidate):
+        while self._is_taken(candidate):
             number += 1
             candidate = path.ReplaceName(f"{path.name}_{number}")
         return candidate
+
+    def _is_taken(self, path: Sdf.Path) -> bool:
+        added = self.by_hand.GetPrimAtPath(path) if self.by_hand else None
+        is_new = bool(added) and added.specifier == Sdf.SpecifierDef
+        return is_new or bool(self.stage.GetPrimAtPath(path) or self.layer.GetPrimAtPath(path))
 
     def _instance_above(self, path: Sdf.Path) -> Sdf.Path:
         for ancestor in reversed(path.GetPrefixes()[:-1]):
