@@ -106,9 +106,10 @@ def gather_samples(
 
 
 def trace_samples(
-    dab: NDArray, surface: SurfacePoints, seen_from: NDArray, tracer: RayTracer, field: LightField, lights: LightSet
-) -> Samples:
-    """Traces the rays of samples, surface points of dabs (S,), each seen from an eye (S, 3)."""
+    dab: NDArray, surface: SurfacePoints, seen_from: NDArray, tracer: RayTracer, field: LightField, lights: LightSet,
+    thin: int = 1,
+) -> Samples:  # fmt: skip
+    """Traces the rays of samples, surface points of dabs (S,), each seen from an eye (S, 3); one ray of `thin`."""
     eye = seen_from - surface.position
     eye /= np.linalg.norm(eye, axis=1, keepdims=True)
     side = np.where(np.einsum("ij,ij->i", eye, surface.geometric_normal) < 0, -1, 1)
@@ -119,7 +120,7 @@ def trace_samples(
     e[:, 2] = np.maximum(e[:, 2], LEAST_COSINE)
     e = (e / np.linalg.norm(e, axis=1, keepdims=True)).astype(np.float32)
     origin = tracer.offset_points(surface.position, geometric, surface.triangle)
-    return _trace(e, frames, origin, surface, side, dab, tracer, field, lights)
+    return _trace(e, frames, origin, surface, side, dab, tracer, field, lights, RAYS // thin, LIGHT_RAYS // thin)
 
 
 def _elsewhere(field: LightField, tracer: RayTracer, materials: NDArray, eye: NDArray) -> NDArray[np.int64]:
@@ -145,11 +146,12 @@ def frames_about(normal: NDArray) -> NDArray[np.float32]:
 
 
 def footprint(
-    stroke: Stroke, scene: Scene, tracer: RayTracer, located: Any, rows: NDArray, reach: float = 1.0
-) -> tuple[NDArray, NDArray, NDArray]:
-    """Surface points (S,) spread over `reach` brushes as the painter saw them: dab, triangle, barycentric."""
-    k = np.arange(SAMPLES)
-    spiral = np.sqrt((k + 0.5) / SAMPLES)[:, None] * np.stack([np.cos(2.39996 * k), np.sin(2.39996 * k)], -1)
+    stroke: Stroke, scene: Scene, tracer: RayTracer, located: Any, rows: NDArray, reach: float = 1.0,
+    count: int = SAMPLES,
+) -> tuple[NDArray, NDArray, NDArray]:  # fmt: skip
+    """`count` points a dab, spread over `reach` brushes as the painter saw them: dab (S,), triangle, barycentric."""
+    k = np.arange(count)
+    spiral = np.sqrt((k + 0.5) / count)[:, None] * np.stack([np.cos(2.39996 * k), np.sin(2.39996 * k)], -1)
     center = located.position[rows].astype(np.float64)
     stroke_row = located.row[rows]
     origin = stroke.eye[stroke_row].astype(np.float64)
@@ -163,12 +165,12 @@ def footprint(
     start = center[:, None] + disk - aim * (2 * reach * stroke.widths[stroke_row])[:, None, None]
     hits = tracer.intersect(start.reshape(-1, 3), aim.reshape(-1, 3))
     table = scene.triangles
-    dab = np.repeat(np.arange(len(rows)), SAMPLES)
+    dab = np.repeat(np.arange(len(rows)), count)
     same = (hits.triangle >= 0) & (
-        table.mesh[np.maximum(hits.triangle, 0)] == np.repeat(table.mesh[located.triangle[rows]], SAMPLES)
+        table.mesh[np.maximum(hits.triangle, 0)] == np.repeat(table.mesh[located.triangle[rows]], count)
     )
     same &= (
-        table.material[np.maximum(hits.triangle, 0)] == np.repeat(table.material[located.triangle[rows]], SAMPLES)
+        table.material[np.maximum(hits.triangle, 0)] == np.repeat(table.material[located.triangle[rows]], count)
     )
     missing = np.setdiff1d(np.arange(len(rows)), dab[same])  # a dab smaller than the rounding: its centre
     return (
@@ -180,28 +182,28 @@ def footprint(
 
 def _trace(
     eye: NDArray, frames: NDArray, origin: NDArray, surface: SurfacePoints, side: NDArray, dab: NDArray,
-    tracer: RayTracer, field: LightField, lights: LightSet,
+    tracer: RayTracer, field: LightField, lights: LightSet, rays: int, light_rays: int,
 ) -> Samples:  # fmt: skip
     device, s = field.device, len(eye)
     lobes = len(LOBE_ROUGHNESS)
-    counts = np.full(lobes + 1, RAYS // (lobes + 2))
-    counts[0] = RAYS - counts[1:].sum()
+    counts = np.full(lobes + 1, rays // (lobes + 2))
+    counts[0] = rays - counts[1:].sum()
     technique = np.repeat(np.arange(lobes + 1), counts).astype(np.int32)
     rng = np.random.default_rng(7)
     u = np.concatenate([sobol_points(0, int(c), random_shifts(s, rng)) for c in counts], 1).astype(np.float32)
     alphas = lobe_parameter("preview_surface", LOBE_ROUGHNESS).astype(np.float32)
     mixture = (device.upload(alphas), device.upload(counts.astype(np.float32)))
     constants = {"LOBES": lobes, "PHONG": int(field.model == "phong")}
-    n = s * RAYS
-    local_d, world_d = device.empty((s, RAYS, 3), np.float32), device.empty((s, RAYS, 3), np.float32)
-    density_d = device.empty((s, RAYS), np.float32)
+    n = s * rays
+    local_d, world_d = device.empty((s, rays, 3), np.float32), device.empty((s, rays, 3), np.float32)
+    density_d = device.empty((s, rays), np.float32)
     eye_d = device.upload(eye)
     device.kernel("evidence", "make_rays", **constants)(
         (_up(n),), (64,), eye_d, device.upload(frames), device.upload(u), device.upload(technique), *mixture,
-        np.uint32(RAYS), np.uint32(n), local_d, world_d, density_d,
+        np.uint32(rays), np.uint32(n), local_d, world_d, density_d,
     )  # fmt: skip
     world, density = device.download(world_d).reshape(-1, 3), device.download(density_d).reshape(-1)
-    starts = np.repeat(origin, RAYS, 0)
+    starts = np.repeat(origin, rays, 0)
     hits = tracer.intersect(starts, world)
     usable = density > 0
     inverse = np.where(usable, 1 / np.where(usable, density, 1), 0)
@@ -211,36 +213,38 @@ def _trace(
     fixed = np.zeros((n, 3))
     missed = (hits.triangle < 0) & usable
     for dome in lights.domes:
-        p = LIGHT_RAYS * dome.dome.pdf(world[missed])
+        p = light_rays * dome.dome.pdf(world[missed])
         fixed[missed] += dome.dome.radiance(world[missed], None) / (density[missed] + p)[:, None]
     for placed in lights.placed:
         if not placed.is_delta:
             distance, radiance, pdf = placed.intersect(starts, world)
             met = usable & (distance < np.where(hits.triangle < 0, np.inf, hits.distance) * 1.0001)
             met |= usable & (radiance.max(1) > 0) & (hits.triangle < 0)
-            fixed[met] += radiance[met] / (density[met] + LIGHT_RAYS * pdf[met])[:, None]
-    locals_, lights_in = [device.download(local_d)], [fixed.reshape(s, RAYS, 3)]
+            fixed[met] += radiance[met] / (density[met] + light_rays * pdf[met])[:, None]
+    locals_, lights_in = [device.download(local_d)], [fixed.reshape(s, rays, 3)]
     everything: list[Any] = [*lights.placed, *lights.domes]
     for source in everything:
-        direction, light = _sample_source(source, eye, frames, origin, device, mixture, constants, tracer, rng)
+        direction, light = _sample_source(
+            source, eye, frames, origin, device, mixture, constants, tracer, rng, light_rays
+        )
         locals_.append(direction)
         lights_in.append(light)
-    gain = inverse.reshape(s, RAYS)
+    gain = inverse.reshape(s, rays)
     all_local = np.concatenate(locals_, 1)
-    gain = np.concatenate([gain, np.zeros((s, all_local.shape[1] - RAYS))], 1)
+    gain = np.concatenate([gain, np.zeros((s, all_local.shape[1] - rays))], 1)
     return Samples(
         dab, surface, side, eye, device.upload(_by_sixteen(all_local)), np.concatenate(lights_in, 1).astype(np.float32),
-        gain.astype(np.float32), links_d, weights_d, RAYS,
+        gain.astype(np.float32), links_d, weights_d, rays,
     )  # fmt: skip
 
 
 def _sample_source(
     source: Any, eye: NDArray, frames: NDArray, origin: NDArray, device: Any, mixture: tuple, constants: dict,
-    tracer: RayTracer, rng: np.random.Generator,
+    tracer: RayTracer, rng: np.random.Generator, light_rays: int,
 ) -> tuple[NDArray, NDArray]:  # fmt: skip
     """Local directions (S, k, 3) towards one light and its radiance over density (S, k, 3), occlusion tested."""
     s = len(eye)
-    k = 1 if source.is_delta else LIGHT_RAYS
+    k = 1 if source.is_delta else light_rays
     u = sobol_points(0, k, random_shifts(s, rng)).reshape(-1, 2)
     start = np.repeat(origin, k, 0)
     arrival = source.sample(start, u.astype(np.float32))

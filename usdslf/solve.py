@@ -162,7 +162,7 @@ def _tables_of(e: Evidence, material: int, index: int, model: str) -> dict[str, 
     other = (e.dab_of_sample >= n) & (s.material == material)
     bp, bu, bv, bw = (x[keep] for x in bilinear(e.background, d[row], f0[row], f90[row], tied, model))
     colors = e.target[here]
-    flat = len(here) > 2 and bool((colors.std(0) <= 0.01 * colors.mean() + 1e-9).all())
+    flat = e.stroke.tool == "replace" and len(here) > 2 and bool((colors.std(0) <= 0.01 * colors.mean() + 1e-9).all())
     return {
         "target": colors,
         "place": mean(s.position.astype(np.float64)),

@@ -8,15 +8,17 @@ A tool is an operator M on the light field L, and a stroke of strength s asks fo
                            fixate:      = L
 
 so that brighten asks for (1 + s) L, darken for (1 - s) L and sharpen for L + s (L - B).  L is the mean over a dab.
-B is the mean over a disk of BLUR_REACH times the brush on the surface, and over directions w' spread about the
-eye's w like a Gaussian:
+B is the mean over a disk of BLUR_REACH times the brush on the surface, and over directions about the eye's:
 
-    B = mean of L(x', w'),   |x' - x| < BLUR_REACH r,   w' - w ~ N(0, sigma),   sigma^2 = BLUR_ANGLE^2 + (2 alpha)^2
+    B = mean of L(x', w'),   |x' - x| < BLUR_REACH r,   tan^2(w, w') = sigma^2 u / (1 - u),  u uniform in 0..1
+    sigma^2 = BLUR_ANGLE^2 + (2 alpha)^2
 
-2 alpha is the width of the highlight itself [radians], so that each blur is a like step, as large for a dull
-surface as for a shiny one.  All is read from the light field before any edit: a tool does not chase what it did.
+The directions have the shape of GGX's lobe, so that a blurred highlight is one of a larger roughness.  2 alpha is
+the width of the lobe itself [radians]: each blur is a like step, for a dull surface as for a shiny one.  Towards
+the horizon sigma shrinks with the height of the eye.  All is read from the light field before any edit: a tool
+does not chase what it did.
 
-Source: Nguyen et al. 2013, 4 and 4.1.
+Source: Nguyen et al. 2013, 4 and 4.1; Walter et al. 2007 (the shape).
 """
 
 from __future__ import annotations
@@ -32,7 +34,6 @@ from usdslf.anchors import Located, locate_stroke, points_on_triangles
 from usdslf.camera_rays import camera_rays
 from usdslf.errors import StrokeError
 from usdslf.evidence import (
-    SAMPLES,
     Samples,
     evaluate_columns,
     footprint,
@@ -53,10 +54,13 @@ from usdslf.surface import evaluate_surface
 if TYPE_CHECKING:
     from usdslf.visibility import RayTracer
 
-BLUR_REACH = 2.0  # brush radii over the surface
+BLUR_REACH = 1.5  # brush radii over the surface
 BLUR_ANGLE = 0.12  # radians over directions, beside the lobe's own width
 WIDEST_BLUR = 0.6  # radians
-BLUR_EYES = 3  # directions of each surface point
+BLUR_TAIL = 0.95  # of the directions, where the far ones are cut
+BLUR_POINTS = 36  # of a dab
+BLUR_EYES = 4  # directions of each point
+THIN = 4  # one ray of so many for each of these
 
 
 @dataclass(frozen=True)
@@ -174,25 +178,27 @@ def _blurred(
     """B (n, 3): rays of their own for each point and direction, so that sharp lobes are met too."""
     located = locate_stroke(scene, stroke)
     rows = np.searchsorted(located.row, stroke_row)
-    dab, triangle, barycentric = footprint(stroke, scene, tracer, located, rows, BLUR_REACH)
-    dab, triangle, barycentric = (np.repeat(x, BLUR_EYES, 0) for x in (dab, triangle, barycentric))
+    points = footprint(stroke, scene, tracer, located, rows, BLUR_REACH, BLUR_POINTS)
+    dab, triangle, barycentric = (np.repeat(x, BLUR_EYES, 0) for x in points)
     order = np.argsort(dab, kind="stable")
     dab, surface = dab[order], evaluate_surface(scene, triangle[order], barycentric[order])
+    towards = stroke.eye[stroke_row][dab].astype(np.float64) - surface.position
+    distance = np.linalg.norm(towards, axis=1, keepdims=True)
+    frame = frames_about(towards / distance)
 
-    # each dab's directions are spread evenly over the Gaussian, in an order that its points do not follow
+    # each dab's directions are spread evenly over the lobe, in an order that its points do not follow
     rng = np.random.default_rng(5)
-    even = sobol_points(0, SAMPLES * BLUR_EYES, random_shifts(len(rows), rng))
+    even = sobol_points(0, BLUR_POINTS * BLUR_EYES, random_shifts(len(rows), rng))
     even = np.take_along_axis(even, rng.random(even.shape[:2]).argsort(1)[..., None], 1)
     u, v = even[dab, np.arange(len(dab)) - np.searchsorted(dab, dab)].T
+    u = u * BLUR_TAIL
     sigma = np.minimum(np.hypot(BLUR_ANGLE, 2 * surface.roughness.astype(np.float64) ** 2), WIDEST_BLUR)
-    radius = sigma * np.sqrt(-2 * np.log1p(-np.minimum(u, 0.999)))
-    towards = stroke.eye[stroke_row][dab].astype(np.float64) - surface.position
-    distance = np.linalg.norm(towards, axis=1)
-    frame = frames_about(towards / distance[:, None])
-    angle = np.stack([np.cos(2 * np.pi * v), np.sin(2 * np.pi * v)], -1) * np.tan(np.minimum(radius, 1.3))[:, None]
-    turned = frame[:, 2] + np.einsum("nc,ncj->nj", angle, frame[:, :2])
-    turned *= (distance / np.linalg.norm(turned, axis=1))[:, None]
-    samples = trace_samples(dab, surface, surface.position + turned, tracer, field, lights)
+    height = np.arcsin(np.clip(np.abs(np.einsum("ni,ni->n", frame[:, 2], surface.normal)), 0, 1))
+    sigma = np.minimum(sigma, height / np.sqrt(BLUR_TAIL / (1 - BLUR_TAIL)))
+    aside = (sigma * np.sqrt(u / (1 - u)))[:, None] * np.stack([np.cos(2 * np.pi * v), np.sin(2 * np.pi * v)], -1)
+    turned = frame[:, 2] + np.einsum("nc,ncj->nj", aside, frame[:, :2])
+    seen_from = surface.position + turned * distance / np.linalg.norm(turned, axis=1, keepdims=True)
+    samples = trace_samples(dab, surface, seen_from, tracer, field, lights, THIN)
     return mean_by(seen_radiance(samples, field), dab)
 
 
