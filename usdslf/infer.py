@@ -85,16 +85,12 @@ def gather_strokes(
 ) -> list[Painted]:
     """Traces the samples of all active strokes, and reads what their tools ask of the light field before any edit.
 
-    Raises: StrokeError for a stroke that lies on no surface or has a mode that this version lacks.
+    Raises: StrokeError for a stroke that lies on no surface.
     """
     painted = []
     for stroke in strokes:
         if not stroke.active:
             continue
-        if stroke.mode != "direct":
-            raise StrokeError(
-                f"{stroke.path}: {stroke.mode} strokes cannot be solved; use a direct stroke, or deactivate it"
-            )
         samples, rows = gather_samples(stroke, scene, tracer, field, lights, warnings)
         wanted = wanted_radiance(stroke, rows, samples, scene, tracer, field, lights, warnings)
         painted.append(Painted(stroke, samples, rows, wanted))
@@ -160,7 +156,7 @@ def _pools(evidence: list[Evidence], scene: Scene) -> list[Pool]:
     found: dict[tuple, list[int]] = {}
     fixed = fixed_materials(evidence)
     for i, e in enumerate(evidence):
-        if not len(e.material):
+        if not len(e.material) or e.stroke.mode == "indirect":
             continue
         values, counts = np.unique(e.material, return_counts=True)
         material = int(values[counts.argmax()])
@@ -230,7 +226,7 @@ def _refit(
             chosen = replace(best, roughness_shift=float(tables.levels[best.level] - tables.roughness))
         else:
             chosen = refit(tables, replace(chosen, level=tables.own), options)
-    before, after = _means(tables, chosen)
+    before, after = means_of(tables, chosen)
     return replace(answer, chosen=chosen, tables=tables, before=before, after=after)
 
 
@@ -270,7 +266,8 @@ def _at_shift(e: Evidence, samples: Samples, field: LightField, shift: float) ->
     return replace(e, levels=levels, columns=evaluate_columns(samples, field, levels), background=pad)
 
 
-def _means(t: Tables, c: Candidate) -> tuple[dict[str, NDArray], dict[str, NDArray]]:
+def means_of(t: Tables, c: Candidate) -> tuple[dict[str, NDArray], dict[str, NDArray]]:
+    """Returns mean diffuse, specular and roughness over the painted area, before and after a candidate."""
     before = {"diffuse": t.diffuse, "specular": t.f0, "roughness": np.array([t.roughness])}
     after = {
         "diffuse": c.diffuse_of(t.diffuse),

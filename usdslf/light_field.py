@@ -131,7 +131,10 @@ class LightField:
                 (everyone, low, np.concatenate([0 * diffuse, coat * (1 - share)[:, None]], 1)),
                 (everyone, low + 1, np.concatenate([0 * diffuse, coat * share[:, None]], 1)),
             ]
-        element, level, parameter = (np.concatenate(x) for x in zip(*rows, strict=True))
+        return self._blocks_of(*(np.concatenate(x) for x in zip(*rows, strict=True)))
+
+    def _blocks_of(self, element: NDArray, level: NDArray, parameter: NDArray) -> list[_Blocks]:
+        """Packs rows of element (r,), level (r,) and weights of the columns (r, 12) into blocks."""
         used = np.any(parameter != 0, axis=1)
         element, level, parameter = element[used], level[used], parameter[used]
         blocks = []
@@ -158,7 +161,39 @@ class LightField:
         device, n = self.device, len(self.elements.position)
         kernel = lambda name, **c: device.kernel("light_field", name, NEAR=NEAR, **c)  # noqa: E731
         kernel("emit", LOBE=0)((_up(n * D),), (64,), self._emission_d, np.uint32(n * D), self._next_d)
-        for blocks in self._blocks:
+        self._reflect(self._blocks)
+        kernel("difference", LOBE=0)(
+            (_up(n),), (64,), self.outgoing_d, self._next_d, np.uint32(n), self._difference_d
+        )
+        self.outgoing_d, self._next_d = self._next_d, self.outgoing_d
+        apart, total = device.download(self._difference_d).sum(0, dtype=np.float64)
+        return float(apart / total) if total > 0 else 0.0
+
+    def respond(self, element: NDArray, weights: NDArray, roughness: NDArray) -> Any:
+        """What some elements would send out with other weights of the columns, from the light that arrives now.
+
+        Args:
+            element: (r,) distinct; weights: (r, 4, 3) of X, Y, A, B; roughness: (r,).
+
+        Returns: device array (N, D, 3), zero for all others; good until the next bounce or response.
+        """
+        low, share = _levels_of(roughness)
+        flat = weights.reshape(len(element), 12)
+        lower, upper = flat.copy(), flat.copy()
+        lower[:, 6:] *= (1 - share)[:, None]
+        upper[:, 6:] *= share[:, None]
+        upper[:, :6] = 0
+        self._next_d.fill(np.float32(0))
+        self._reflect(
+            self._blocks_of(np.tile(element, 2), np.concatenate([low, low + 1]), np.concatenate([lower, upper]))
+        )
+        return self._next_d
+
+    def _reflect(self, chosen: list[_Blocks]) -> None:
+        """Adds what blocks send out, under the light that arrives now, to the next light field."""
+        device = self.device
+        kernel = lambda name, **c: device.kernel("light_field", name, NEAR=NEAR, **c)  # noqa: E731
+        for blocks in chosen:
             level, w = self._level(blocks.level)
             for first in range(0, blocks.count, CHUNK_BLOCKS):
                 count, at = min(CHUNK_BLOCKS, blocks.count - first), np.int32(first)
@@ -177,12 +212,6 @@ class LightField:
                         (D, count), (64, 1), self._light_d, w["first"], w["tap"], w["a"], w["b"],
                         blocks.parameters_d, blocks.order_d, at, self._next_d,
                     )  # fmt: skip
-        kernel("difference", LOBE=0)(
-            (_up(n),), (64,), self.outgoing_d, self._next_d, np.uint32(n), self._difference_d
-        )
-        self.outgoing_d, self._next_d = self._next_d, self.outgoing_d
-        apart, total = device.download(self._difference_d).sum(0, dtype=np.float64)
-        return float(apart / total) if total > 0 else 0.0
 
     def converge(self, bounces: int = 8, tolerance: float = 2e-3) -> Iterator[float]:
         """Bounces until the change falls below `tolerance`, `bounces` times at most; yields each change."""
@@ -230,12 +259,16 @@ class LightField:
         )  # fmt: skip
         return links_d, self.device.upload(weights)
 
-    def follow_links(self, links_d: Any, weights_d: Any) -> NDArray[np.float32]:
-        """Returns the radiance (n, 3) that arrives along the rays of `link_hits`; zero for misses."""
+    def follow_links(self, links_d: Any, weights_d: Any, field_d: Any = None) -> NDArray[np.float32]:
+        """Returns the radiance (n, 3) that arrives along the rays of `link_hits`; zero for misses.
+
+        Args:
+            field_d: (N, D, 3) that sends it; default the light field of now.
+        """
         n = links_d.shape[0]
         radiance_d = self.device.empty((n, 3), np.float32)
         kernel = self.device.kernel("light_field", "follow_links", NEAR=NEAR, LOBE=0)
-        kernel((_up(n),), (64,), links_d, weights_d, self.outgoing_d, np.uint32(n), radiance_d)
+        kernel((_up(n),), (64,), links_d, weights_d, self.outgoing_d if field_d is None else field_d, np.uint32(n), radiance_d)
         return self.device.download(radiance_d)
 
     def radiance_from_hits(self, triangle: NDArray, barycentric: NDArray, direction: NDArray) -> NDArray[np.float32]:

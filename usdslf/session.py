@@ -24,6 +24,7 @@ from usdslf.elements import ElementLookup, Elements, refresh_reflectance, sample
 from usdslf.errors import InputError, SolveError, StageError
 from usdslf.gpu.device import Device, open_device
 from usdslf.infer import Answer, gather_strokes, infer_changes
+from usdslf.infer_indirect import infer_indirect
 from usdslf.light_field import LightField, require_memory
 from usdslf.light_set import LightSet, lights_or_default
 from usdslf.lights import static_light
@@ -212,11 +213,16 @@ class Session:
             with self._step("evidence"):
                 painted = gather_strokes(active, self.scene, self.tracer, field, lights, self.warnings)
             with self._step("solve"):
-                for number, answers in enumerate(
-                    infer_changes(painted, self.scene, field, options, dict(choose or {}), self.bounces)
-                ):
-                    self.answers = answers
-                    self._say("solve", (number + 1) / 4)
+                direct: list[Answer] = []
+                if any(p.stroke.mode == "direct" for p in painted):
+                    rounds = infer_changes(painted, self.scene, field, options, dict(choose or {}), self.bounces)
+                    for number, direct in enumerate(rounds):  # noqa: B007
+                        self._say("solve", (number + 1) / 4)
+                self.answers = direct
+                if any(p.stroke.mode == "indirect" for p in painted):
+                    self.answers = direct + infer_indirect(
+                        painted, self.scene, field, options, self.bounces, self.warnings
+                    )
         finally:
             field.set_surface(original)
             self._converge(field)

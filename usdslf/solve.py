@@ -20,7 +20,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdslf.evidence import Evidence, mean_by
-from usdslf.reflectance import LEVEL_COUNT
 
 F64 = NDArray[np.float64]
 GROUPS = ("diffuse", "specular", "glossiness")
@@ -227,7 +226,7 @@ def enumerate_candidates(t: Tables, o: Options | None = None, groups: tuple[str,
     white = whiten(t, o)
     best: dict[tuple, Candidate] = {}  # by parameters and whether the specular change is grey
     for free_gloss in (False, True) if "glossiness" in groups else (False,):
-        for level in range(LEVEL_COUNT) if free_gloss else (t.own,):
+        for level in range(t.own) if free_gloss else (t.own,):
             for diffuse in _choices("diffuse" in groups, ("color",)):
                 for specular in _choices("specular" in groups, ("grey", "color")):
                     c = fit(t, o, white, level, diffuse, specular, free_gloss)
@@ -311,7 +310,7 @@ def place_gain(t: Tables, o: Options, c: Candidate) -> float:
     here = np.abs(_predict(c, t.p, t.tint_u if c.is_tint else t.u, t.v, t.tint_w if c.is_tint else t.w) - t.p[:, t.own])
     dd = replace(c, delta_diffuse=c.delta_diffuse * t.diffuse, is_tint=False) if c.is_tint else c
     there = np.abs(_predict(dd, p, u, v, w) - p[:, t.own])
-    floor = o.visible * t.target.mean()
+    floor = max(o.visible * t.target.mean(), 1e-9)  # black paint
     here, there = here.sum(1) + floor, there.sum(1) + floor
     return float(np.log(here / there.mean()).sum())
 
