@@ -1,0 +1,350 @@
+"""Laws of the solve: what a float64 model of painted surfaces was changed by is found again, and no more than that."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+import pytest
+from reference import solve as ref
+from reference.reflectance import frame_about
+
+from usdslf.evidence import Evidence
+from usdslf.reflectance import roughness_levels
+from usdslf.solve import Candidate, Options, Tables, enumerate_candidates, pool_tables, refit, relative_error
+from usdslf.strokes import Stroke
+from usdslf.surface import SurfacePoints
+
+DABS, ELSEWHERE, DIRECTIONS = 20, 24, 8
+LEVELS = roughness_levels()
+
+
+@dataclass(frozen=True)
+class Look:
+    """Parameters of a surface, or what became of them."""
+
+    diffuse: tuple[float, float, float] = (0.4, 0.3, 0.2)
+    f0: tuple[float, float, float] = (0.04, 0.04, 0.04)
+    roughness: float = 0.3
+    is_metal: bool = False
+
+    @property
+    def f90(self) -> tuple[float, float, float]:
+        return self.f0 if self.is_metal else (1.0, 1.0, 1.0)
+
+
+PLASTIC = Look()
+METAL = Look((0.0, 0.0, 0.0), (0.7, 0.5, 0.3), 0.3, True)
+
+
+class World:
+    """Points of a curved surface under a window and a sky, both of many suns; one eye."""
+
+    def __init__(self) -> None:
+        rng = np.random.default_rng(4)
+        window = np.array([-0.6, 0.2, 0.77]) + rng.uniform(-0.16, 0.16, (150, 3))
+        sky = rng.normal(size=(160, 3))
+        sky[:, 2] = np.abs(sky[:, 2])
+        self.towards = np.concatenate([window, sky])
+        self.towards /= np.linalg.norm(self.towards, axis=1, keepdims=True)
+        self.light = np.concatenate(
+            [np.full((150, 3), 0.02) * [1, 0.95, 0.85], np.full((160, 3), 0.008) * [0.8, 0.9, 1]]
+        )
+        n = DABS + ELSEWHERE
+        eye = np.array([0.6, -0.2, 0.77])  # mirrored by the mean normal: the middle of the window
+        normal = np.array([0, 0, 1]) + rng.normal(size=(n, 3)) * np.where(np.arange(n) < DABS, 0.14, 0.35)[:, None]
+        self.frame = np.array([frame_about(v / np.linalg.norm(v)) for v in normal])
+        self.eye = np.tile(eye / np.linalg.norm(eye), (n, 1))
+        self.position = rng.normal(size=(n, 3))
+        self.row = np.repeat(np.arange(DABS), DIRECTIONS)  # of unpainted directions
+        local = rng.normal(size=(len(self.row), 3))
+        local[:, 2] = 0.3 + np.abs(local[:, 2])
+        self.away = np.einsum("nij,ni->nj", self.frame[self.row], local / np.linalg.norm(local, axis=1, keepdims=True))
+
+    def columns(self, model: str, roughness: float) -> np.ndarray:
+        """(n, 4, 3) for the eye."""
+        return ref.columns_of_suns(model, roughness, self.frame, self.eye, self.towards, self.light)
+
+    def background(self, model: str, roughness: float) -> np.ndarray:
+        """(B, 4, 3) for the unpainted directions."""
+        return ref.columns_of_suns(model, roughness, self.frame[self.row], self.away, self.towards, self.light)
+
+
+@pytest.fixture(scope="module")
+def world() -> World:
+    return World()
+
+
+@pytest.fixture(scope="module")
+def levels(world: World) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    """Columns on all levels, (n, 20, 4, 3) and (B, 20, 4, 3), by model."""
+    return {
+        model: (
+            np.stack([world.columns(model, r) for r in LEVELS], 1),
+            np.stack([world.background(model, r) for r in LEVELS], 1),
+        )
+        for model in ("preview_surface", "phong")
+    }
+
+
+def surface_points(n: int, look: Look, position: np.ndarray) -> SurfacePoints:
+    """n points of one look; what the solve does not read is zero."""
+    values = {
+        "position": position,
+        "diffuse": look.diffuse,
+        "f0": look.f0,
+        "f90": look.f90,
+        "roughness": look.roughness,
+    }
+    vectors = {
+        "position",
+        "geometric_normal",
+        "normal",
+        "diffuse",
+        "f0",
+        "f90",
+        "emission",
+        "base_color",
+        "specular_color",
+    }
+    integers = {"mesh", "material", "triangle"}
+    arrays = {}
+    for f in fields(SurfacePoints):
+        shape = (n, 3) if f.name in vectors else (n, 2) if f.name == "barycentric" else (n,)
+        value = np.broadcast_to(np.asarray(values.get(f.name, 0), float), shape)
+        arrays[f.name] = value.astype(np.int32 if f.name in integers else np.float32)
+    return SurfacePoints(**arrays)
+
+
+def painted(
+    world: World, levels: dict, before: Look, after: Look, model: str = "preview_surface", gain: float = 1.0
+) -> Evidence:
+    """Evidence of a stroke that has the radiance of `after` on a surface that is `before`."""
+    n = DABS + ELSEWHERE
+    on_levels, back = levels[model]
+    own, back_own = world.columns(model, before.roughness), world.background(model, before.roughness)
+    target = ref.radiance(model, world.columns(model, after.roughness)[:DABS], after.diffuse, after.f0, after.f90)
+    stroke = Stroke(
+        "s", np.zeros((DABS, 3), np.float32), np.ones(DABS, np.float32), target.astype(np.float32),
+        np.zeros((DABS, 3), np.float32),
+    )  # fmt: skip
+    return Evidence(
+        stroke=stroke,
+        target=gain * target,
+        material=np.zeros(DABS, np.int64),
+        dab_of_sample=np.arange(n),
+        surface=surface_points(n, before, world.position),
+        levels=np.tile([*LEVELS, before.roughness], (n, 1)),
+        columns=gain * np.concatenate([on_levels, own[:, None]], 1),
+        coat=np.zeros((n, 3)),
+        background_sample=world.row,
+        background=gain * np.concatenate([back, back_own[:, None]], 1),
+    )
+
+
+def solved(
+    e: Evidence, options: Options | None = None, model: str = "preview_surface"
+) -> tuple[Tables, Candidate, list]:
+    tables = pool_tables([e], 0, model)
+    candidates = enumerate_candidates(tables, options)
+    return tables, refit(tables, candidates[0], options), candidates
+
+
+def look_of(tables: Tables, c: Candidate) -> tuple[np.ndarray, np.ndarray, float]:
+    roughness = c.roughness_of(np.array([tables.roughness]))
+    return c.diffuse_of(tables.diffuse), c.f0_of(tables.f0), float(roughness[0])
+
+
+CHANGES = {
+    "diffuse": (PLASTIC, replace(PLASTIC, diffuse=(0.7, 0.1, 0.1))),
+    "darker diffuse": (PLASTIC, replace(PLASTIC, diffuse=(0.1, 0.08, 0.05))),
+    "specular": (PLASTIC, replace(PLASTIC, f0=(0.25, 0.25, 0.25))),
+    "coloured specular": (METAL, replace(METAL, f0=(0.3, 0.5, 0.8))),
+    "glossiness": (PLASTIC, replace(PLASTIC, roughness=0.6)),
+    "sharper glossiness": (METAL, replace(METAL, roughness=0.15)),
+    "none": (PLASTIC, PLASTIC),
+}
+
+
+@pytest.mark.parametrize("name", CHANGES)
+def test_what_was_changed_is_found_again(world: World, levels: dict, name: str) -> None:
+    before, after = CHANGES[name]
+    tables, found, candidates = solved(painted(world, levels, before, after))
+    assert found.id == name.split()[-1], [(c.id, round(c.cost, 1)) for c in candidates]
+    diffuse, f0, roughness = look_of(tables, found)
+    np.testing.assert_allclose(diffuse, after.diffuse, atol=5e-3)
+    np.testing.assert_allclose(f0, after.f0, atol=5e-3)
+    assert roughness == pytest.approx(after.roughness, abs=1e-6)  # it lies on a level
+    assert relative_error(tables, found) < 1e-3
+
+
+def test_two_changes_at_once_are_found_where_both_are_free(world: World, levels: dict) -> None:
+    after = replace(PLASTIC, diffuse=(0.15, 0.5, 0.3), f0=(0.3, 0.3, 0.3))
+    tables, _, candidates = solved(painted(world, levels, PLASTIC, after))
+    both = next(c for c in candidates if c.id == "diffuse+specular")
+    diffuse, f0, _ = look_of(tables, refit(tables, both))
+    np.testing.assert_allclose(diffuse, after.diffuse, atol=0.01)
+    np.testing.assert_allclose(f0, after.f0, atol=0.01)
+    assert "diffuse" in candidates[0].freed
+
+
+def test_alternatives_are_all_there_once_and_cheapest_first(world: World, levels: dict) -> None:
+    _, _, candidates = solved(painted(world, levels, *CHANGES["diffuse"]))
+    ids, costs = [c.id for c in candidates], [c.cost for c in candidates]
+    assert costs == sorted(costs) and len(set(ids)) == len(ids) == 8
+    assert {"none", "diffuse", "specular", "glossiness", "diffuse+specular+glossiness"} <= set(ids)
+    for c in candidates:
+        value = np.array([0.3, 0.2, 0.1])
+        if "diffuse" not in c.freed:
+            np.testing.assert_array_equal(c.diffuse_of(value), value)
+        if "specular" not in c.freed:
+            np.testing.assert_array_equal(c.f0_of(value), value)
+        if "glossiness" not in c.freed:
+            np.testing.assert_array_equal(c.roughness_of(value), value)
+
+
+def test_l0_frees_one_and_l2_frees_all(world: World, levels: dict) -> None:
+    after = Look((0.15, 0.5, 0.3), (0.3, 0.3, 0.3), 0.5)
+    for change in (after, CHANGES["glossiness"][1], CHANGES["diffuse"][1]):
+        e = painted(world, levels, PLASTIC, change)
+        assert len(solved(e, Options(norm="l0"))[1].freed) <= 1
+        tables, found, _ = solved(e, Options(norm="l2"))
+        assert found.freed == ("diffuse", "specular", "glossiness")
+        diffuse, f0, roughness = look_of(tables, found)  # all free, and still the truth
+        np.testing.assert_allclose(diffuse, change.diffuse, atol=0.03)
+        np.testing.assert_allclose(f0, change.f0, atol=0.03)
+        assert roughness == pytest.approx(change.roughness, abs=0.051)
+
+
+@pytest.mark.parametrize("factor", [0.0, 0.05, 30.0])
+@pytest.mark.parametrize("before", [PLASTIC, METAL])
+def test_reflectance_stays_possible_whatever_is_painted(
+    world: World, levels: dict, before: Look, factor: float
+) -> None:
+    """Black, and brighter than any surface could be."""
+    e = painted(world, levels, before, before)
+    tables, found, candidates = solved(replace(e, target=e.target * factor * np.array([1, 1.5, 0.2])))
+    for c in [found, *candidates]:
+        diffuse, f0, roughness = look_of(tables, c)
+        assert (diffuse >= 0).all() and (diffuse <= 1).all() and (f0 >= 0).all() and (f0 <= 1).all(), c
+        assert 0.001 <= roughness <= 1 and np.isfinite(c.cost) and np.isfinite(c.misfit), c
+    assert relative_error(tables, found) <= relative_error(tables, Candidate((), level=tables.own)) + 1e-9
+
+
+def rearranged(e: Evidence, order: np.ndarray) -> Evidence:
+    """The same evidence with its dabs in another order."""
+    samples = np.concatenate([order, np.arange(DABS, DABS + ELSEWHERE)])
+    place = np.argsort(order)
+    surface = SurfacePoints(**{f.name: getattr(e.surface, f.name)[samples] for f in fields(SurfacePoints)})
+    return replace(
+        e, target=e.target[order], surface=surface, levels=e.levels[samples], columns=e.columns[samples],
+        coat=e.coat[samples], background_sample=place[e.background_sample],
+    )  # fmt: skip
+
+
+def same(a: Candidate, b: Candidate, rtol: float = 1e-6) -> None:
+    assert a.id == b.id
+    np.testing.assert_allclose(a.delta_diffuse, b.delta_diffuse, rtol=rtol, atol=1e-7)
+    np.testing.assert_allclose(a.delta_f0, b.delta_f0, rtol=rtol, atol=1e-7)
+    assert a.roughness_shift == pytest.approx(b.roughness_shift, abs=1e-9)
+
+
+@pytest.mark.parametrize("name", ["diffuse", "sharper glossiness"])
+def test_the_answer_knows_no_order_no_unit_and_no_favourite_channel(world: World, levels: dict, name: str) -> None:
+    e = painted(world, levels, *CHANGES[name])
+    noise = np.exp(np.random.default_rng(1).normal(size=e.target.shape) * 0.03)
+    e = replace(e, target=e.target * noise)
+    _, found, candidates = solved(e)
+
+    _, again, others = solved(rearranged(e, np.random.default_rng(2).permutation(DABS)))
+    same(again, found)
+    assert [c.id for c in others][:2] == [c.id for c in candidates][:2]
+    np.testing.assert_allclose([c.cost for c in others], [c.cost for c in candidates], rtol=0.05)
+
+    gain = 1e3  # radiance in other units
+    brighter = replace(e, target=gain * e.target, columns=gain * e.columns, background=gain * e.background)
+    same(solved(brighter)[1], found, rtol=1e-4)
+
+    swap = [2, 0, 1]
+    look = {k: getattr(e.surface, k)[:, swap] for k in ("diffuse", "f0", "f90")}
+    turned = replace(
+        e, target=e.target[:, swap], columns=e.columns[..., swap], background=e.background[..., swap],
+        surface=replace(e.surface, **look),
+    )  # fmt: skip
+    got = solved(turned)[1]
+    same(
+        replace(got, delta_diffuse=got.delta_diffuse[np.argsort(swap)], delta_f0=got.delta_f0[np.argsort(swap)]), found
+    )
+
+
+@pytest.mark.parametrize("name", ["diffuse", "specular", "coloured specular", "glossiness"])
+def test_painting_the_old_look_on_the_new_surface_takes_the_change_back(world: World, levels: dict, name: str) -> None:
+    before, after = CHANGES[name]
+    tables, found, _ = solved(painted(world, levels, after, before))
+    assert found.id == name.split()[-1]
+    diffuse, f0, roughness = look_of(tables, found)
+    np.testing.assert_allclose(diffuse, before.diffuse, atol=5e-3)
+    np.testing.assert_allclose(f0, before.f0, atol=5e-3)
+    assert roughness == pytest.approx(before.roughness, abs=1e-6)
+
+
+def test_light_that_no_parameter_changes_is_taken_off_first(world: World, levels: dict) -> None:
+    e = painted(world, levels, *CHANGES["diffuse"])
+    glow = 0.3 * e.target.mean()
+    n = DABS
+    shining = replace(e, coat=np.full_like(e.coat, glow), target=e.target + glow)
+    tables, found, _ = solved(shining)
+    assert found.id == "diffuse" and n == len(tables.target)
+    np.testing.assert_allclose(look_of(tables, found)[0], CHANGES["diffuse"][1].diffuse, atol=5e-3)
+
+
+def test_two_strokes_on_one_material_are_one_question(world: World, levels: dict) -> None:
+    """Two halves of a stroke, asked together, say what the whole says about the value."""
+    e = painted(world, levels, *CHANGES["specular"])
+    halves = []
+    for half in (np.arange(0, DABS, 2), np.arange(1, DABS, 2)):
+        rest = np.setdiff1d(np.arange(DABS), half)
+        moved = rearranged(e, np.concatenate([half, rest]))
+        keep = moved.background_sample < len(half)
+        dab = moved.dab_of_sample.copy()
+        painted_here = {"target": moved.target[: len(half)], "material": moved.material[: len(half)]}
+        unpainted = {
+            "background_sample": moved.background_sample[keep],
+            "background": moved.background[keep],
+        }
+        halves.append(replace(moved, dab_of_sample=dab, **painted_here, **unpainted))
+    # What was painted by the other half is unpainted in this one.
+    tables = pool_tables(halves, 0)
+    assert len(tables.target) == DABS and len(np.unique(tables.stroke)) == 2
+    found = refit(tables, enumerate_candidates(tables)[0])
+    assert found.id == "specular"
+    np.testing.assert_allclose(look_of(tables, found)[1], CHANGES["specular"][1].f0, atol=5e-3)
+
+
+@pytest.mark.parametrize("roughness", [0.3, 0.6])
+def test_phong_without_noise_is_the_papers_closed_form(world: World, levels: dict, roughness: float) -> None:
+    """Two parameters, one channel at a time: Eqs. 3, 5 and 6, with any weights."""
+    before = Look((0.4, 0.3, 0.2), (0.1, 0.1, 0.1), roughness)
+    column = world.columns("phong", roughness)[:DABS]
+    weight = np.random.default_rng(0).uniform(0.5, 2, DABS)
+    for change in (
+        {"diffuse": (0.2, 0.5, 0.1), "f0": (0.3, 0.05, 0.4)},
+        {"diffuse": (0.2, 0.5, 0.1)},
+        {"f0": (0.3, 0.05, 0.4)},
+    ):
+        after = replace(before, **change)
+        e = painted(world, levels, before, after, "phong")
+        expected = []
+        for c in range(3):
+            m, d = ref.normal_equations(column[:, [0, 2], c], e.target[:, c], weight)
+            if len(change) == 2:
+                expected.append(ref.both(m, d))
+            elif "diffuse" in change:
+                expected.append([ref.diffuse_only(m, d, before.f0[c]), before.f0[c]])
+            else:
+                expected.append([before.diffuse[c], ref.specular_only(m, d, before.diffuse[c])])
+        name = "+".join({"diffuse": "diffuse", "f0": "specular"}[k] for k in change)
+        tables, _, candidates = solved(e, model="phong")
+        chosen = refit(tables, next(c for c in candidates if c.id == name))
+        diffuse, f0, _ = look_of(tables, chosen)
+        np.testing.assert_allclose(np.stack([diffuse, f0], 1), expected, atol=2e-4)
