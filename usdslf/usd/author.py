@@ -12,7 +12,6 @@ What each change writes: change_writer.py.  What people added to an earlier look
 
 from __future__ import annotations
 
-import hashlib
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -28,13 +27,13 @@ from usdslf.usd.files import relative_path, write_layer
 from usdslf.usd.kept import RECORD, added_by_hand, put_under, record_of, what_is_by_hand
 from usdslf.usd.look_layer import LookLayer, bound_relationship, preview_surface
 from usdslf.usd.notes import Notes
+from usdslf.usd.provenance import layer_data
 from usdslf.usd.read import quiet_usd
 from usdslf.usd.shot_metadata import ROOT_ONLY, copy_shot_metadata, default_prim_name, shot_files
 from usdslf.usd.wins import AuthoredEdit, with_wins
 
 if TYPE_CHECKING:
     from usdslf.color import Color
-
 
 
 def author_look(
@@ -98,7 +97,7 @@ def _author(
         if name := default_prim_name(stage):
             Sdf.CreatePrimInLayer(look.layer, f"/{name}")
             look.layer.defaultPrim = name
-        data = _layer_data(stage, out, provenance, strokes_path, shot_path)
+        data = layer_data(stage, out, provenance, strokes_path, shot_path)
         data[RECORD] = Vt.StringArray(record_of(look.layer))
         look.layer.customLayerData = {"usdslf": data}
     layer, lost = put_under(by_hand, look.layer)
@@ -172,25 +171,6 @@ def why_not_editable(prim: Usd.Prim) -> str:
     contexts = [o.GetBaseName().rpartition(":")[0] for o in material.GetSurfaceOutputs()]
     others = ", ".join(c for c in contexts if c) or "no surface"
     return f"{material.GetPath()} has no UsdPreviewSurface (it has {others}): bind a new one to edit {path}."
-
-
-def _layer_data(
-    stage: Usd.Stage,
-    out: Path,
-    provenance: Mapping[str, Any] | None,
-    strokes: str | os.PathLike[str] | None,
-    shot: str | os.PathLike[str] | None,
-) -> dict[str, Any]:
-    """What goes to customLayerData.usdslf: no times, so that the same edit has the same bytes."""
-    data = dict(provenance or {})
-    stack = [layer.realPath for layer in stage.GetLayerStack(includeSessionLayers=False) if layer.realPath]
-    shot = shot or stage.GetRootLayer().realPath
-    for name, path, files in (("strokes", strokes, [strokes]), ("shot", shot, stack)):
-        if path and Path(path).is_file():
-            data.setdefault(name, relative_path(path, out.parent))
-            content = b"".join(Path(f).read_bytes() for f in files if f)
-            data.setdefault(f"{name}Hash", hashlib.sha256(content).hexdigest())
-    return data
 
 
 def _earlier_look(stage: Usd.Stage, out: Path) -> Sdf.Layer | None:

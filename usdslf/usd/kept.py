@@ -31,7 +31,9 @@ def record_of(layer: Sdf.Layer) -> list[str]:
     copy = Sdf.Layer.CreateAnonymous(".usda")
     copy.ImportFromString(layer.ExportToString())
     found = {str(spec.path): _digests(spec) for spec in _specs(copy)}
-    return [" ".join([path, *(f"{k}={v}" for k, v in sorted(d.items()))]) for path, d in sorted(found.items())]
+    return [
+        " ".join([path, *(f"{k}={v}" for k, v in sorted(d.items()))]) for path, d in sorted(found.items())
+    ]
 
 
 def added_by_hand(earlier: Sdf.Layer) -> Sdf.Layer:

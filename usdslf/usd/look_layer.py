@@ -65,8 +65,9 @@ class LookLayer:
 
     def _is_taken(self, path: Sdf.Path) -> bool:
         added = self.by_hand.GetPrimAtPath(path) if self.by_hand else None
-        is_new = bool(added) and added.specifier == Sdf.SpecifierDef
-        return is_new or bool(self.stage.GetPrimAtPath(path) or self.layer.GetPrimAtPath(path))
+        if added is not None and added.specifier == Sdf.SpecifierDef:
+            return True
+        return bool(self.stage.GetPrimAtPath(path) or self.layer.GetPrimAtPath(path))
 
     def _instance_above(self, path: Sdf.Path) -> Sdf.Path:
         for ancestor in reversed(path.GetPrefixes()[:-1]):

@@ -179,8 +179,13 @@ def same_value(a: Any, b: Any) -> bool:
     """Whether two values are the same in float32."""
     if a is None or b is None or isinstance(a, str) or isinstance(b, str):
         return a == b
-    x, y = np.asarray(a, np.float64), np.asarray(b, np.float64)
-    return x.shape == y.shape and bool(np.allclose(x, y, rtol=1e-6, atol=1e-7))
+    if isinstance(a, Sdf.AssetPath) and isinstance(b, Sdf.AssetPath):  # one of them may not be resolved
+        return a.path == b.path
+    try:
+        x, y = np.asarray(a, np.float64), np.asarray(b, np.float64)
+    except (TypeError, ValueError):  # arrays of strings
+        return bool(a == b)
+    return x.shape == y.shape and bool(np.allclose(x, y, rtol=1e-6, atol=1e-7, equal_nan=True))
 
 
 def plain(value: Any) -> Any:

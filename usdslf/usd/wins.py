@@ -2,6 +2,7 @@
 
     AuthoredEdit                             one opinion, and what hides it if it does not win
     with_wins(stage, layer, written, bindings) -> list[AuthoredEdit]
+    hidden_by(review, layer, path, shown_at) -> str
 """
 
 from __future__ import annotations
@@ -45,7 +46,8 @@ def with_wins(
     )
     out = []
     for i, edit in enumerate(written):
-        hidden = edit.hidden_by or _hidden_by(review, layer, edit)
+        path = Sdf.Path(edit.prim).AppendProperty(edit.attribute)
+        hidden = edit.hidden_by or hidden_by(review, layer, path, Sdf.Path(edit.shown_at))
         for prim, material in bindings.get(i, []) if not hidden else []:
             shown = bound_relationship(review.GetPrimAtPath(prim))[0]
             if shown != material:
@@ -54,15 +56,14 @@ def with_wins(
     return out
 
 
-def _hidden_by(review: Usd.Stage, layer: Sdf.Layer, edit: AuthoredEdit) -> str:
-    """Says what is stronger than an opinion; "" if the opinion is what shows."""
-    path = Sdf.Path(edit.shown_at)
-    attribute = review.GetAttributeAtPath(path)
+def hidden_by(review: Usd.Stage, layer: Sdf.Layer, path: Sdf.Path, shown_at: Sdf.Path) -> str:
+    """Says what is stronger than the opinion at a path of a layer; "" if the opinion is what shows."""
+    attribute = review.GetAttributeAtPath(shown_at)
     if not attribute:
-        return f"{path} is not in the composed shot: a variant or an inactive prim"
+        return f"{shown_at} is not in the composed shot: a variant or an inactive prim"
     if attribute.HasAuthoredConnections() and attribute.GetConnections():
         return f"a connection to {attribute.GetConnections()[0]}"
-    spec = layer.GetAttributeAtPath(Sdf.Path(edit.prim).AppendProperty(edit.attribute))
+    spec = layer.GetAttributeAtPath(path)
     times = [Usd.TimeCode.Default(), Usd.TimeCode.EarliestTime()]
     if all(same_value(attribute.Get(t), spec.default) for t in times):
         return ""

@@ -1,0 +1,70 @@
+"""Where a look comes from: which shot and strokes, and whether they are still what they were.
+
+layer_data(stage, out, given, strokes, shot) -> dict     what goes to customLayerData.usdslf
+stale(look) -> list[str]                                  files that changed since, or are gone
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+from pxr import Sdf, Tf, Usd
+
+from usdslf.usd.files import relative_path
+from usdslf.usd.read import quiet_usd
+
+
+def layer_data(
+    stage: Usd.Stage,
+    out: Path,
+    given: Mapping[str, Any] | None,
+    strokes: str | os.PathLike[str] | None,
+    shot: str | os.PathLike[str] | None,
+) -> dict[str, Any]:
+    """Returns what a look says of its origin: no times, so that the same edit has the same bytes."""
+    data = dict(given or {})
+    shot = shot or stage.GetRootLayer().realPath
+    for name, path, files in (("strokes", strokes, [strokes]), ("shot", shot, _stack(stage))):
+        if path and Path(path).is_file():
+            data.setdefault(name, relative_path(path, out.parent))
+            data.setdefault(f"{name}Hash", _hash(f for f in files if f))
+    return data
+
+
+def stale(look: Sdf.Layer) -> list[str]:
+    """Returns a phrase for the shot and for the strokes of a look if they are not what they were."""
+    data = look.customLayerData.get("usdslf", {})
+    found = []
+    for name in ("shot", "strokes"):
+        if not data.get(name) or not data.get(f"{name}Hash"):
+            continue
+        path = look.ComputeAbsolutePath(data[name])
+        if not Path(path).is_file():
+            found.append(f"its {name} {data[name]} is gone")
+        elif data[f"{name}Hash"] != _hash(_files(path) if name == "shot" else [path]):
+            found.append(f"its {name} {data[name]} changed since")
+    return found
+
+
+def _stack(stage: Usd.Stage) -> list[str]:
+    """Files of a stage's own layer stack, strongest first."""
+    return [x.realPath for x in stage.GetLayerStack(includeSessionLayers=False) if x.realPath]
+
+
+def _files(shot: str) -> list[str]:
+    try:
+        with quiet_usd():
+            return _stack(Usd.Stage.Open(shot, load=Usd.Stage.LoadNone))
+    except Tf.ErrorException:
+        return [shot]
+
+
+def _hash(files: Iterable[str | os.PathLike[str]]) -> str:
+    digest = hashlib.sha256()
+    for file in files:
+        digest.update(Path(file).read_bytes())
+    return digest.hexdigest()

@@ -1,0 +1,301 @@
+"""What is wrong with the looks and strokes that a stage holds, that USD's own validators do not see.
+
+validate(stage, scene=None) -> list[Finding(name, prim, message, layer)]     nothing for a stage without any
+lines_of_findings(findings) -> list[str]
+
+DanglingOver      an over on what the shot does not have: renamed, removed, or in another variant
+DanglingInput     a value of an input that no shader has
+HiddenEdit        an opinion or binding that something stronger hides
+EditUnderInstance an over below an instance, which USD discards
+OutOfRange        a value that a UsdPreviewSurface cannot mean
+UnknownColorSpace a colour space that OpenColorIO does not know
+MissingTarget     a connection, binding, inherit or painted surface that leads nowhere
+MissingFile       a texture that is not there
+AbsolutePath      a path that holds on one machine only
+StaleLook         the shot or the strokes changed since the look was solved
+MovedStroke       the surface is not where it was painted; the stroke follows it
+BadStroke         a stroke that cannot be meant
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from pxr import Sdf, Sdr, Usd, UsdShade
+
+from usdslf.color import color_of
+from usdslf.errors import StrokeError, UsdslfError
+from usdslf.usd.look_layer import bound_relationship
+from usdslf.usd.provenance import stale
+from usdslf.usd.read import quiet_usd, read_scene
+from usdslf.usd.stroke_layer import SCOPE, read_strokes
+from usdslf.usd.wins import hidden_by
+
+if TYPE_CHECKING:
+    from usdslf.scene import Scene
+
+_UNIT = (0.0, 1.0)
+RANGES = {
+    "diffuseColor": _UNIT, "specularColor": _UNIT, "metallic": _UNIT, "roughness": _UNIT, "clearcoat": _UNIT,
+    "clearcoatRoughness": _UNIT, "opacity": _UNIT, "opacityThreshold": _UNIT, "occlusion": _UNIT,
+    "useSpecularWorkflow": _UNIT, "ior": (1.0, np.inf), "emissiveColor": (0.0, np.inf),
+}  # fmt: skip
+_ABSOLUTE = re.compile(r"^(/|\\|[A-Za-z]:[/\\]|file:)")
+_SOURCE_SPACES = ("raw", "sRGB", "auto")
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing that is wrong, or not as it was."""
+
+    name: str
+    prim: str  # composed path; that of the layer where it is in no prim
+    message: str  # what, where, and how to mend it
+    layer: str  # file
+
+
+def validate(stage: Usd.Stage, scene: Scene | None = None) -> list[Finding]:
+    """Returns what is wrong with the look and stroke layers in a stage's own layer stack.
+
+    A look that is opened alone is put over the shot that it names.
+
+    Args:
+        scene: the stage as it was read, if the caller has it: tells whether surfaces moved.
+    """
+    layers = stage.GetLayerStack(includeSessionLayers=True)
+    looks = [x for x in layers if "usdslf" in x.customLayerData]
+    strokes = [x for x in layers if x.defaultPrim == SCOPE and x.realPath]
+    findings: list[Finding] = []
+    with quiet_usd():
+        for look in looks:
+            over = _with_its_shot(stage, look)
+            findings += [*_Look(over, look).findings(), *_of_layer(look)]
+        for layer in strokes:
+            findings += [*_of_strokes(stage, layer, scene), *_of_layer(layer)]
+    return list(dict.fromkeys(findings))
+
+
+def lines_of_findings(findings: Iterable[Finding]) -> list[str]:
+    """Returns the lines that people read."""
+    found = list(findings)
+    return [f"findings: {len(found)}", *(f"  {f.name}: {f.message}" for f in found)]
+
+
+def _with_its_shot(stage: Usd.Stage, look: Sdf.Layer) -> Usd.Stage:
+    shot = look.customLayerData["usdslf"].get("shot", "")
+    path = look.ComputeAbsolutePath(shot) if shot else ""
+    if stage.GetRootLayer() != look or look.subLayerPaths or not Path(path).is_file():
+        return stage
+    root = Sdf.Layer.CreateAnonymous(".usda")
+    root.subLayerPaths = [look.identifier, path]
+    return Usd.Stage.Open(root)
+
+
+def _of_layer(layer: Sdf.Layer) -> Iterator[Finding]:
+    """Paths of a layer that hold on one machine only."""
+    file = layer.GetDisplayName()
+    paths = [*layer.GetCompositionAssetDependencies(), *_assets(layer)]
+    data = layer.customLayerData.get("usdslf", {})
+    paths += [str(data[name]) for name in ("shot", "strokes") if name in data]
+    for path in dict.fromkeys(p for p in paths if _ABSOLUTE.match(p)):
+        say = f"{file} names {path}, which other machines do not have: make the path relative."
+        yield Finding("AbsolutePath", str(layer.defaultPrim and f"/{layer.defaultPrim}"), say, file)
+
+
+def _assets(layer: Sdf.Layer) -> list[str]:
+    found: list[str] = []
+
+    def visit(path: Sdf.Path) -> None:
+        spec = layer.GetAttributeAtPath(path) if path.IsPropertyPath() else None
+        if spec and isinstance(spec.default, Sdf.AssetPath):
+            found.append(spec.default.path)
+
+    layer.Traverse(Sdf.Path.absoluteRootPath, visit)
+    return found
+
+
+class _Look:
+    """The opinions of one look layer, seen in the stage that they are composed in."""
+
+    def __init__(self, stage: Usd.Stage, layer: Sdf.Layer) -> None:
+        self.stage, self.layer, self.file = stage, layer, layer.GetDisplayName()
+        self.color = color_of()
+        self.users: dict[Sdf.Path, Sdf.Path] = {}  # class -> what inherits it in this layer
+        self._find_classes(layer.pseudoRoot)
+
+    def _find_classes(self, spec: Sdf.PrimSpec) -> None:
+        for child in spec.nameChildren:
+            for base in child.inheritPathList.GetAddedOrExplicitItems():
+                if base.IsRootPrimPath() and self.layer.GetPrimAtPath(base):
+                    self.users[base] = child.path
+            self._find_classes(child)
+
+    def findings(self) -> Iterator[Finding]:
+        """Yields what is wrong."""
+        for phrase in stale(self.layer):
+            yield self._finding("StaleLook", "/", f"{self.file} may not fit: {phrase}: solve it again.")
+        space = self.layer.customLayerData["usdslf"].get("workingSpace", "")
+        if space and not self.color.knows(str(space)):
+            yield self._unknown_space(Sdf.Path.absoluteRootPath, str(space))
+        for spec in self.layer.rootPrims:
+            yield from self._of_prim(spec)
+
+    def _finding(self, name: str, path: Any, message: str) -> Finding:
+        return Finding(name, str(path), message, self.file)
+
+    def shown(self, path: Sdf.Path) -> Sdf.Path:
+        """The composed path of what is written in a class for an instance."""
+        while (base := path.GetPrefixes()[0]) in self.users:
+            path = path.ReplacePrefix(base, self.users[base])
+        return path
+
+    def _of_prim(self, spec: Sdf.PrimSpec) -> Iterator[Finding]:
+        path = self.shown(spec.path)
+        prim = self.stage.GetPrimAtPath(path)
+        if spec.specifier == Sdf.SpecifierClass and path == spec.path:
+            yield self._finding(
+                "DanglingOver", path, f"No instance inherits {path} of {self.file}: remove it."
+            )
+            return
+        if not prim or not (prim.IsDefined() or prim.IsAbstract()):
+            say = f"{path} of {self.file} is not in the shot: renamed, removed, or in a variant that is not chosen."
+            yield self._finding("DanglingOver", path, say)
+            return
+        if self._is_discarded(spec.path, path):
+            say = f"{path} of {self.file} lies below an instance, where USD discards it: solve again."
+            yield self._finding("EditUnderInstance", path, say)
+            return
+        for kind, paths in (("inherits", spec.inheritPathList), ("specializes", spec.specializesList)):
+            for base in paths.GetAddedOrExplicitItems():
+                if not self.stage.GetPrimAtPath(self.shown(base)):
+                    yield self._missing(path, kind, base)
+        for attribute in spec.attributes:
+            yield from self._of_attribute(prim, attribute)
+        for relationship in spec.relationships:
+            yield from self._of_relationship(prim, relationship)
+        for child in spec.nameChildren:
+            yield from self._of_prim(child)
+
+    def _is_discarded(self, written: Sdf.Path, path: Sdf.Path) -> bool:
+        """Whether an over is below an instance, but not in the class that this instance inherits."""
+        home = written.GetPrefixes()[0]
+        if written == home and home in self.users:
+            return False
+        above = [p for p in path.GetPrefixes()[:-1] if self.stage.GetPrimAtPath(p).IsInstance()]
+        return bool(above) and above[-1] != (self.shown(home) if home in self.users else None)
+
+    def _missing(self, path: Sdf.Path, what: str, target: Sdf.Path) -> Finding:
+        say = f"{path} of {self.file} {what} {target}, which is not there: renamed or removed."
+        return self._finding("MissingTarget", path, say)
+
+    def _of_attribute(self, prim: Usd.Prim, spec: Sdf.AttributeSpec) -> Iterator[Finding]:
+        path = prim.GetPath().AppendProperty(spec.name)
+        for target in spec.connectionPathList.GetAddedOrExplicitItems():
+            if not self.stage.GetObjectAtPath(self.shown(target)):
+                yield self._missing(path, "is connected to", target)
+        if self._is_lost_input(prim, spec):
+            say = f"{path} of {self.file} is read by nothing: the input was renamed or removed in the shot."
+            yield self._finding("DanglingInput", path, say)
+        elif spec.HasDefaultValue() and (by := hidden_by(self.stage, self.layer, spec.path, path)):
+            yield self._finding("HiddenEdit", path, f"{path} of {self.file} is hidden by {by}.")
+        yield from self._of_value(prim, path, spec)
+
+    def _is_lost_input(self, prim: Usd.Prim, spec: Sdf.AttributeSpec) -> bool:
+        """Whether the shot knows nothing of an input, neither by a value nor by the shader's definition."""
+        port = UsdShade.Input(prim.GetAttribute(spec.name))
+        if not port or not spec.HasDefaultValue():
+            return False
+        stack = port.GetAttr().GetPropertyStack()
+        if any(s.layer != self.layer for s in stack):
+            return False
+        if prim.IsA(UsdShade.NodeGraph):
+            return True
+        node = Sdr.Registry().GetShaderNodeByIdentifier(UsdShade.Shader(prim).GetIdAttr().Get() or "")
+        return bool(node) and port.GetBaseName() not in node.GetShaderInputNames()
+
+    def _of_value(self, prim: Usd.Prim, path: Sdf.Path, spec: Sdf.AttributeSpec) -> Iterator[Finding]:
+        value, name = spec.default, spec.name.removeprefix("inputs:")
+        spaces = [spec.colorSpace] if spec.HasInfo("colorSpace") else []
+        if name == "sourceColorSpace" and value not in _SOURCE_SPACES:
+            spaces.append(str(value))
+        for space in spaces:
+            if not self.color.knows(space):
+                yield self._unknown_space(path, space)
+        if isinstance(value, Sdf.AssetPath) and not self._is_there(value.path):
+            say = f"{path} of {self.file} names {value.path}, which is not there: solve again or restore it."
+            yield self._finding("MissingFile", path, say)
+        numbers = _numbers(value)
+        low, high = -np.inf, np.inf
+        if prim.IsA(UsdShade.Shader) and UsdShade.Shader(prim).GetIdAttr().Get() == "UsdPreviewSurface":
+            low, high = RANGES.get(name, (low, high))
+        if not (np.isfinite(numbers) & (numbers >= low) & (numbers <= high)).all():
+            meant = f"{low:g}..{high:g}" if np.isfinite(low) else "finite numbers"
+            say = f"{path} of {self.file} is {value}, which is not in {meant}: solve again or correct it."
+            yield self._finding("OutOfRange", path, say)
+
+    def _unknown_space(self, path: Sdf.Path, space: str) -> Finding:
+        say = f"{path} of {self.file} has the colour space {space}, unknown to {self.color.config_name}: use --ocio."
+        return self._finding("UnknownColorSpace", path, say)
+
+    def _is_there(self, asset: str) -> bool:
+        if not asset:
+            return True
+        path = Path(self.layer.ComputeAbsolutePath(asset))
+        if "<UDIM>" in path.name:
+            return any(path.parent.glob(path.name.replace("<UDIM>", "[0-9][0-9][0-9][0-9]")))
+        return path.is_file()
+
+    def _of_relationship(self, prim: Usd.Prim, spec: Sdf.RelationshipSpec) -> Iterator[Finding]:
+        targets = [self.shown(t) for t in spec.targetPathList.GetAddedOrExplicitItems()]
+        for target in targets:
+            if not self.stage.GetObjectAtPath(target):
+                yield self._missing(prim.GetPath().AppendProperty(spec.name), "leads to", target)
+            elif spec.name.startswith("material:binding") and "collection" not in spec.name:
+                seen = bound_relationship(prim)[0]
+                if seen != target:
+                    say = f"{prim.GetPath()} shows {seen}, not {target} that {self.file} binds: a stronger binding."
+                    yield self._finding("HiddenEdit", prim.GetPath(), say)
+
+
+def _numbers(value: Any) -> np.ndarray:
+    try:
+        return np.asarray(value, np.float64).ravel() if value is not None else np.zeros(0)
+    except (TypeError, ValueError):  # tokens, strings, files
+        return np.zeros(0)
+
+
+def _of_strokes(stage: Usd.Stage, layer: Sdf.Layer, scene: Scene | None) -> Iterator[Finding]:
+    """Strokes that cannot be meant, or whose surfaces are gone or elsewhere."""
+    from usdslf.anchors import locate_stroke
+
+    file = layer.GetDisplayName()
+    try:
+        strokes = [s for s in read_strokes(layer.realPath) if s.active]
+    except StrokeError as error:
+        yield Finding("BadStroke", f"/{SCOPE}", str(error), file)
+        return
+    alone = all(x == layer or x.anonymous for x in stage.GetLayerStack())
+    if alone or not strokes:
+        return
+    for stroke in strokes:
+        gone = [p for p in stroke.surfaces if not stage.GetPrimAtPath(p.split("[")[0])]
+        for path in gone:
+            say = f"{stroke.path} of {file} was painted on {path}, which is not there: paint it again."
+            yield Finding("MissingTarget", stroke.path, say, file)
+    painted = [s for s in strokes if s.has_anchors]
+    frames: dict[str, Scene] = {str(scene.frame): scene} if scene else {}
+    for stroke in painted:
+        said: list[str] = []
+        try:
+            key = str(stroke.frame)
+            if key not in frames:
+                frames[key] = read_scene(stage, None if np.isnan(stroke.frame) else stroke.frame)
+            if locate_stroke(frames[key], stroke, said).moved:
+                yield Finding("MovedStroke", stroke.path, next(x for x in said if "moved" in x), file)
+        except UsdslfError:  # all of its surfaces are gone, which is said above
+            continue
