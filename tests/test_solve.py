@@ -185,6 +185,7 @@ def test_two_changes_at_once_are_found_where_both_are_free(world: World, levels:
     diffuse, f0, _ = look_of(tables, refit(tables, both))
     np.testing.assert_allclose(diffuse, after.diffuse, atol=0.01)
     np.testing.assert_allclose(f0, after.f0, atol=0.01)
+    assert relative_error(tables, refit(tables, both)) < 0.01
     assert "diffuse" in candidates[0].freed
 
 
@@ -225,6 +226,9 @@ def test_reflectance_stays_possible_whatever_is_painted(
     e = painted(world, levels, before, before)
     tables, found, candidates = solved(replace(e, target=e.target * factor * np.array([1, 1.5, 0.2])))
     for c in [found, *candidates]:
+        # Held to the bounds before the residual is taken, not afterwards.
+        for value in (tables.diffuse + c.delta_diffuse, tables.f0 + c.delta_f0):
+            assert (value > -1e-6).all() and (value < 1 + 1e-6).all(), c
         diffuse, f0, roughness = look_of(tables, c)
         assert (diffuse >= 0).all() and (diffuse <= 1).all() and (f0 >= 0).all() and (f0 <= 1).all(), c
         assert 0.001 <= roughness <= 1 and np.isfinite(c.cost) and np.isfinite(c.misfit), c
