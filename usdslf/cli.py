@@ -19,7 +19,7 @@ import numpy as np
 
 import usdslf
 from usdslf.errors import AuthorError, InputError, UsdslfError
-from usdslf.options import Choose, Color3, Path2D, Size
+from usdslf.options import Choose, Color3, Offset, Path2D, Size
 from usdslf.strokes import MODES, NORMS, SCOPES, SPACES, TOOLS
 from usdslf.terminal import progress, warn
 
@@ -179,14 +179,17 @@ def render(
 @click.option("--path", "paths", multiple=True, required=True, type=Path2D(),
               help="0..1 of the picture from its top left; again for a lifted pen; one point is a dab.")
 @click.option("--radius", type=float, default=0.01, show_default=True, help="Brush, in picture heights.")
-@click.option("--color", type=Color3(), help="Scene-linear in the working space, unless --color-space.")
+@click.option("--color", type=Color3(),
+              help="Scene-linear in the working space, unless --color-space.  Only replace needs it, or --image.")
 @click.option("--image", metavar="FILE", help="Picture of the camera that points take their colours from.")
 @click.option("--color-space", metavar="NAME", help="OpenColorIO space of --color or --image, or: display.")
 @click.option("--space", type=click.Choice(SPACES), default="scene", show_default=True,
               help="What the colour means: radiance as seen, or an albedo.")
 @click.option("--tool", type=click.Choice(TOOLS), default="replace", show_default=True)
 @click.option("--mode", type=click.Choice(MODES), default="direct", show_default=True)
-@click.option("--strength", type=float, default=1.0, show_default=True, help="0..1")
+@click.option("--strength", type=float, default=1.0, show_default=True, help="0..1; 0 asks for nothing.")
+@click.option("--clone-offset", type=Offset(), help="From the stroke to what clone copies: X,Y on the picture, in "
+              "0..1 to the right and down, from where the path starts; or X,Y,Z in the world.")
 @click.option("--norm", type=click.Choice(NORMS), default="mixed", show_default=True)
 @click.option("--scope", type=click.Choice(SCOPES), default="material", show_default=True)
 @click.option("--size", type=Size(), help="Of the picture that was painted on, where it is not as the film.")
@@ -195,23 +198,35 @@ def render(
 def stroke(
     options: Settings, stage: str, strokes: str, camera: str, paths: tuple[list[list[float]], ...],
     radius: float, color: list[float] | None, image: str | None, color_space: str | None,
-    size: tuple[int, int] | None, frame: float | None, refine: int, **brush: Any,
+    size: tuple[int, int] | None, clone_offset: list[float] | None, frame: float | None, refine: int, **brush: Any,
 ) -> None:  # fmt: skip
     """Paint a stroke into a stroke layer; prints the path of its prim."""
     from usdslf.picked_color import paint_color, paint_image
     from usdslf.usd.stroke_layer import read_strokes, write_strokes
 
-    if (color is None) == (image is None):
+    given = (color is not None) + (image is not None)
+    if given > 1 or (not given and brush["tool"] == "replace"):
         raise click.UsageError("give one of --color and --image")
+    if (brush["tool"] == "clone") != (clone_offset is not None):
+        raise click.UsageError("--tool clone and --clone-offset go together; give both or none")
     session = _open(options, stage, frame, None, refine=refine)
     heard: list[str] = []
     earlier = read_strokes(strokes, heard) if Path(strokes).exists() else []
     one = paint_color(color, color_space, session.scene, heard) if color else np.ones(3, np.float32)
     many = paint_image(image, color_space, session.scene, heard) if image else None
     numbers = [int(s.name[7:]) for s in earlier if s.name.startswith("stroke_") and s.name[7:].isdigit()]
+    seen_by, aspect = session.camera(camera), size[0] / size[1] if size else None
+    if clone_offset is not None:
+        from usdslf.tools import offset_on_picture
+
+        if len(clone_offset) == 2:
+            if aspect is None and many is not None:
+                aspect = many.shape[1] / many.shape[0]
+            clone_offset = offset_on_picture(session.scene, session.tracer, seen_by, paths, clone_offset, aspect)
+        brush["clone_offset"] = tuple(clone_offset)
     made = usdslf.paint_stroke(
-        session.scene, session.tracer, session.camera(camera), paths, radius, one, many,
-        aspect=size[0] / size[1] if size else None, name=f"stroke_{max(numbers, default=0) + 1:04d}", **brush,
+        session.scene, session.tracer, seen_by, paths, radius, one, many, aspect=aspect,
+        name=f"stroke_{max(numbers, default=0) + 1:04d}", **brush,
     )  # fmt: skip
     write_strokes(strokes, [*earlier, made], session.stage)
     warn([*session.warnings, *heard], options.quiet)

@@ -59,6 +59,19 @@ class Color3(click.ParamType):
         return found
 
 
+class Offset(click.ParamType):
+    """X,Y on the picture or X,Y,Z in the world."""
+
+    name = "X,Y[,Z]"
+
+    def convert(self, value: Any, param: Param, ctx: Context) -> list[float]:
+        """Returns [x, y] or [x, y, z]."""
+        found = value if isinstance(value, list) else numbers(str(value))
+        if found is None or len(found) not in (2, 3):
+            self.fail(f"'{value}' is no offset; write it like 0.2,0 (picture) or 1.5,0,0 (world)", param, ctx)
+        return found
+
+
 class Choose(click.ParamType):
     """STROKE=ID: the alternative that a stroke takes."""
 

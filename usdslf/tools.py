@@ -4,11 +4,13 @@ A tool is an operator M on the light field L, and a stroke of strength s asks fo
 
     L + s (M L - L)        replace: M L = painted colour     clone:   M L = L at the offset source
                            brighten:    = 2 L                darken:      = 0
-                           blur:        = B                  sharpen:     = 2 L - B
+                           blur:        = B                  sharpen:     = L^2 / B
                            fixate:      = L
 
-so that brighten asks for (1 + s) L, darken for (1 - s) L and sharpen for L + s (L - B).  L is the mean over a dab.
-B is the mean over a disk of BLUR_REACH times the brush on the surface, and over directions about the eye's:
+so that brighten asks for (1 + s) L and darken for (1 - s) L.  sharpen is unsharp masking of the logarithm,
+log L + (log L - log B): unlike 2 L - B it asks for no negative light, and of a GGX lobe whose blur has the width
+a' it asks for one of width a^2 / a', at its peak and in its tail.  L is the mean over a dab.  B is the mean over a
+disk of BLUR_REACH times the brush on the surface, and over directions about the eye's:
 
     B = mean of L(x', w'),   |x' - x| < BLUR_REACH r,   tan^2(w, w') = sigma^2 u / (1 - u),  u uniform in 0..1
     sigma^2 = BLUR_ANGLE^2 + (2 alpha)^2
@@ -54,12 +56,13 @@ from usdslf.surface import evaluate_surface
 if TYPE_CHECKING:
     from usdslf.visibility import RayTracer
 
-BLUR_REACH = 1.5  # brush radii over the surface
+BLUR_REACH = 1.25  # brush radii over the surface
 BLUR_ANGLE = 0.12  # radians over directions, beside the lobe's own width
 WIDEST_BLUR = 0.6  # radians
 BLUR_TAIL = 0.95  # of the directions, where the far ones are cut
 BLUR_POINTS = 36  # of a dab
 BLUR_EYES = 4  # directions of each point
+MOST_CONTRAST = 4.0  # that sharpen asks for
 THIN = 4  # one ray of so many for each of these
 
 
@@ -101,9 +104,10 @@ def blur(seen: Seen) -> F64:
 
 
 def sharpen(seen: Seen) -> F64:
-    """Returns the light as far from its mean on the other side."""
+    """Returns the light as many times its mean again, MOST_CONTRAST times at most."""
     assert seen.blurred is not None
-    return 2 * seen.radiance - seen.blurred
+    least = np.maximum(seen.blurred, 1e-9 + seen.radiance / MOST_CONTRAST)
+    return seen.radiance**2 / least
 
 
 def fixate(seen: Seen) -> F64:
@@ -125,11 +129,6 @@ def apply_tool(tool: str, seen: Seen, strength: float) -> F64:
 def asks_for_nothing(stroke: Stroke) -> bool:
     """Whether the stroke wants no change where it lies."""
     return stroke.tool == "fixate" or stroke.strength == 0
-
-
-def needs_color(tool: str) -> bool:
-    """Whether a tool takes the stroke's colours."""
-    return tool == "replace"
 
 
 def wanted_radiance(
@@ -242,8 +241,8 @@ def _at_source(
 def offset_on_picture(
     scene: Scene, tracer: RayTracer, camera: Camera, paths: Sequence[ArrayLike], shift: ArrayLike,
     aspect: float | None = None,
-) -> tuple[float, float, float]:  # fmt: skip
-    """Returns the way in the world from what a stroke starts on to what lies `shift` from there on the picture.
+) -> list[float]:  # fmt: skip
+    """Returns the way (3,) in the world from what a stroke starts on to what lies `shift` from there on the picture.
 
     Args:
         paths: each (k, 2), as for `paint_stroke`; the first point that has a surface at both ends counts.
@@ -262,5 +261,4 @@ def offset_on_picture(
     both = np.flatnonzero(ends[0][0] & ends[1][0])
     if not len(both):
         raise StrokeError("The clone offset leads off every surface that the camera sees: choose another one.")
-    x, y, z = (ends[1][1][both[0]] - ends[0][1][both[0]]).astype(float)
-    return float(x), float(y), float(z)
+    return [float(x) for x in ends[1][1][both[0]] - ends[0][1][both[0]]]
