@@ -10,6 +10,10 @@
  */
 #include "reflectance.cl"
 
+#ifndef BLOCK
+#define BLOCK 4 /* bins on a side that are taken together */
+#endif
+#define BLOCKS (SIDE / BLOCK) /* on a side */
 #define WEIGHTS 5
 #define MIN_ALPHA 4e-4f /* sharper lobes drown in the rounding of half vectors */
 
@@ -118,11 +122,77 @@ inline float lobe_weights(float4 lobes, float2 coat, float3 e, float3 l, float3 
     return pdf;
 }
 
+/* ── guided directions: see usdslf/light_guide.py.  A guide's row holds cumulative chances of its blocks ── */
+
+inline float guide_density(__global const float *row, __global const float *frames, int element, float3 d)
+{
+    float3 l = local_from_world(frames, element, d);
+    if (l.z <= 0.0f) return 0.0f;
+    int bin = bin_of(l);
+    int b = bin / SIDE / BLOCK * BLOCKS + bin % SIDE / BLOCK;
+    float chance = row[b] - (b > 0 ? row[b - 1] : 0.0f);
+    return chance * (BLOCKS * BLOCKS) / (2.0f * PI_F);
+}
+
+inline float3 guided_direction(__global const float *row, __global const float *frames, int element, float2 u)
+{
+    int low = 0, high = BLOCKS * BLOCKS - 1; /* the first block whose cumulative chance exceeds u.x */
+    while (low < high) {
+        int middle = (low + high) / 2;
+        if (row[middle] > u.x) high = middle; else low = middle + 1;
+    }
+    float before = low > 0 ? row[low - 1] : 0.0f;
+    float x = clamp((u.x - before) / max(row[low] - before, 1e-12f), 0.0f, 0.9999999f);
+    float2 q = ((float2)(low % BLOCKS + x, low / BLOCKS + u.y)) * (2.0f / BLOCKS) - 1.0f;
+    return world_from_local(frames, element, hemisphere_from_square(q.x, q.y));
+}
+
+/* luminance times cosine that arrives at each block of an element: from surfaces, their own emission left out (it is
+ * sampled as light); the cosine-weighted share of the block that escapes; and all of the light */
+__kernel void guiding_light(
+    const uint count,                 /* N * blocks */
+    __global const uint *hit,         /* (N, D) element << 10 | bin */
+    __global const float *outgoing,   /* (N, D, 3) */
+    __global const float *fixed,      /* (N, D, 3) light that arrives from lights and domes */
+    __global const float *emitted,    /* (N) luminance */
+    __global float *light)            /* (N, blocks, 3) out */
+{
+    uint i = get_global_id(0);
+    if (i >= count) return;
+    size_t element = i / (BLOCKS * BLOCKS);
+    uint b = i % (BLOCKS * BLOCKS);
+    float sum = 0.0f, open = 0.0f, all = 0.0f;
+    const float3 luminance = (float3)(0.2126f, 0.7152f, 0.0722f);
+    for (uint y = 0; y < BLOCK; y++)
+        for (uint x = 0; x < BLOCK; x++) {
+            int d = (b / BLOCKS * BLOCK + y) * SIDE + b % BLOCKS * BLOCK + x;
+            float z = bin_direction(d).z;
+            uint h = hit[element * D_BINS + d];
+            all += dot(load3(fixed, element * D_BINS + d), luminance) * z;
+            if (h == ESCAPES) open += z;
+            if (h >= BLOCKED) continue;
+            float l = dot(load3(outgoing, h), luminance);
+            sum += max(l - emitted[h / D_BINS], 0.0f) * z;
+            all += l * z;
+        }
+    store3((float3)(sum, open, all), light, i);
+}
+
 /* eye in the frame (t, b, n), kept above the horizon */
 inline float3 local_eye(float3 t, float3 b, float3 n, float3 v)
 {
     float3 e = (float3)(dot(t, v), dot(b, v), max(dot(n, v), 1e-3f));
     return normalize(e);
+}
+
+/* density of the mixture when the share g of its cosine lobe is drawn from a guide */
+inline float with_guide(float pdf, float4 lobes, float nl, float g, int element, __global const float *guides,
+                        __global const float *frames, float3 d)
+{
+    if (g <= 0.0f || nl <= 0.0f) return pdf;
+    float wide = (1.0f - lobes.z - lobes.w) * g;
+    float guide = guide_density(guides + (size_t)element * (BLOCKS * BLOCKS), frames, element, d);
+    return pdf + wide * (guide - nl / PI_F);
 }
 
 /* draws k directions at each of n points from the mixture of their lobes */
@@ -135,8 +205,13 @@ __kernel void sample_lobes(
     __global const float *view,     /* (n, 3) towards the viewer */
     __global const float *lobes,    /* (n, 4) alpha, coat alpha, chance of specular, chance of coat */
     __global const float *coat,     /* (n, 2) strength, F0 */
+    __global const int *element,    /* (n) whose guide is used; negative: none */
+    __global const float *guides,   /* (N, blocks) */
+    __global const float *frames,   /* (N, 3, 3) of elements */
+    const float guided,             /* share of the rays of wide lobes */
     __global float *direction,      /* (n, k, 3) out: world */
     __global float *pdf,            /* (n, k) out: 1/sr; 0 where below the horizon */
+    __global float *lobe_pdf,       /* (n, k) out: the same without the guide */
     __global float *weight)         /* (n, k, 5) out: integrands over pdf */
 {
     size_t i = get_global_id(0);
@@ -147,6 +222,8 @@ __kernel void sample_lobes(
     float3 e = local_eye(t, b, nn, load3(view, p));
     float4 lob = vload4(p, lobes);
     float2 u = sobol(index[p] + (uint)(i % k), seed);
+    int e_ = element[p];
+    float g = e_ < 0 ? 0.0f : guided;
     float3 l, h;
     float first = lob.z, second = lob.z + lob.w;
     if (u.x < second) {
@@ -156,14 +233,21 @@ __kernel void sample_lobes(
         l = 2.0f * dot(e, h) * h - e;
     } else {
         u.x = min((u.x - second) / (1.0f - second), 0.99999994f);
-        float r = sqrt(u.y), phi = 2.0f * PI_F * u.x;
-        l = (float3)(r * cos(phi), r * sin(phi), sqrt(max(1.0f - u.y, 0.0f)));
+        if (u.x < g) {
+            float3 d = guided_direction(guides + (size_t)e_ * (BLOCKS * BLOCKS), frames, e_, (float2)(u.x / g, u.y));
+            l = (float3)(dot(t, d), dot(b, d), dot(nn, d));
+        } else {
+            u.x = min((u.x - g) / (1.0f - g), 0.99999994f);
+            float r = sqrt(u.y), phi = 2.0f * PI_F * u.x;
+            l = (float3)(r * cos(phi), r * sin(phi), sqrt(max(1.0f - u.y, 0.0f)));
+        }
         h = normalize(e + l);
     }
     float w[WEIGHTS];
-    float q = lobe_weights(lob, vload2(p, coat), e, l, h, w);
-    float3 world = l.x * t + l.y * b + l.z * nn;
-    store3(normalize(world), direction, i);
+    float3 world = normalize(l.x * t + l.y * b + l.z * nn);
+    store3(world, direction, i);
+    lobe_pdf[i] = lobe_weights(lob, vload2(p, coat), e, l, h, w);
+    float q = with_guide(lobe_pdf[i], lob, l.z, g, e_, guides, frames, world);
     pdf[i] = q;
     float scale = q > 0.0f ? 1.0f / q : 0.0f;
     for (int c = 0; c < WEIGHTS; c++) weight[i * WEIGHTS + c] = w[c] * scale;
@@ -176,6 +260,10 @@ __kernel void evaluate_lobes(
     __global const float *view,     /* (n, 3) */
     __global const float *lobes,    /* (n, 4) */
     __global const float *coat,     /* (n, 2) */
+    __global const int *element,    /* (n) */
+    __global const float *guides,   /* (N, blocks) */
+    __global const float *frames,   /* (N, 3, 3) */
+    const float guided,
     __global const float *direction, /* (n, 3) towards the light */
     __global float *pdf,            /* (n) out */
     __global float *weight)         /* (n, 5) out: integrands */
@@ -188,16 +276,13 @@ __kernel void evaluate_lobes(
     float3 d = load3(direction, i);
     float3 l = (float3)(dot(t, d), dot(b, d), dot(nn, d));
     float w[WEIGHTS];
-    pdf[i] = lobe_weights(vload4(i, lobes), vload2(i, coat), e, l, normalize(e + l), w);
+    float4 lob = vload4(i, lobes);
+    float q = lobe_weights(lob, vload2(i, coat), e, l, normalize(e + l), w);
+    pdf[i] = with_guide(q, lob, l.z, element[i] < 0 ? 0.0f : guided, element[i], guides, frames, d);
     for (int c = 0; c < WEIGHTS; c++) weight[i * WEIGHTS + c] = w[c];
 }
 
 /* ── the light field for wide rays: see usdslf/wide_field.py ── */
-#ifndef BLOCK
-#define BLOCK 4
-#endif
-#define BLOCKS (SIDE / BLOCK)
-
 __kernel void average_bins(
     const uint count,                 /* N * blocks */
     __global const float *outgoing,   /* (N, D, 3) */
@@ -220,19 +305,23 @@ __kernel void follow_wide_links(
     __global const uint *links,     /* (n, near) element << 10 | bin */
     __global const float *weights,  /* (n, near) */
     __global const float *mean,     /* (N, D / BLOCK^2, 3) */
-    __global float *radiance)       /* (n, 3) out */
+    __global float *radiance)       /* (n, 4) out: interpolated, and the luminance of the brightest element */
 {
     uint i = get_global_id(0);
     if (i >= n) return;
     float3 v = (float3)(0.0f);
+    float brightest = 0.0f;
     for (uint k = 0; k < near; k++) {
         uint h = links[i * near + k];
         if (h >= BLOCKED) continue;
         uint bin = h % D_BINS;
         uint b = bin / SIDE / BLOCK * BLOCKS + bin % SIDE / BLOCK;
-        v += weights[i * near + k] * load3(mean, (size_t)(h / D_BINS) * (BLOCKS * BLOCKS) + b);
+        float3 one = load3(mean, (size_t)(h / D_BINS) * (BLOCKS * BLOCKS) + b);
+        float weight = weights[i * near + k];
+        v += weight * one;
+        if (weight > 0.02f) brightest = max(brightest, dot(one, (float3)(0.2126f, 0.7152f, 0.0722f)));
     }
-    store3(v, radiance, i);
+    vstore4((float4)(v, brightest), i, radiance);
 }
 
 /* ── the filter ──

@@ -18,6 +18,8 @@ import usdslf.render as render_module
 from usdslf.camera_rays import camera_rays, project_points
 from usdslf.errors import InputError
 from usdslf.gpu.device import Device
+from usdslf.light_guide import LightGuide
+from usdslf.light_set import LightSet
 from usdslf.render import AOVS, render
 from usdslf.scene import Camera, Light, Material, Scene, Texture, constant
 from usdslf.shading import Lobes, shading_points
@@ -25,6 +27,12 @@ from usdslf.surface import evaluate_surface
 from usdslf.visibility import RayTracer
 
 SIZE = (36, 28)
+NO_LIGHT = LightSet(make_scene(), [])
+
+
+def unguided(device: Device) -> LightGuide:
+    """Nothing knows where light comes from."""
+    return LightGuide(device, None, NO_LIGHT)
 
 
 def camera_at(eye: Sequence[float], target: Sequence[float] = (0, 0, 0), **changes: Any) -> Camera:
@@ -88,7 +96,7 @@ def albedo_of(material: dict, cosine: NDArray) -> NDArray:
 @pytest.mark.parametrize("count", [4, 16, 64, 256])
 def test_aligned_runs_of_the_sequence_are_stratified_in_every_way(device: Device, count: int) -> None:
     index = np.arange(3 * count, 4 * count, dtype=np.uint32)
-    p = Lobes(device).sequence(index, 5)
+    p = Lobes(device, unguided(device)).sequence(index, 5)
     for columns in 2 ** np.arange(int(np.log2(count)) + 1):
         rows = count // columns
         cell = (p[:, 0] * columns).astype(int) * rows + (p[:, 1] * rows).astype(int)
@@ -143,12 +151,12 @@ def test_drawn_directions_have_the_density_they_claim(device: Device, roughness:
     surface = evaluate_surface(scene, np.zeros(n, np.int32), np.full((n, 2), 0.3, np.float32))
     view = np.tile(np.float32([np.sqrt(1 - cosine**2), cosine, 0]), (n, 1))
     points = shading_points(surface, view, RayTracer(scene))
-    direction, pdf, weight = Lobes(device).sample(points, np.arange(n, dtype=np.uint32) * k, k, 1)
+    direction, pdf, _, weight = Lobes(device, unguided(device)).sample(points, np.arange(n, dtype=np.uint32) * k, k, 1)
     expected = integrate_columns("preview_surface", roughness, np.array([np.sqrt(1 - cosine**2), 0, cosine]))
     np.testing.assert_allclose(weight.mean((0, 1))[:4], expected, rtol=0.01, atol=2e-4)
     # evaluating the drawn directions gives the same density and weights
     seen = np.flatnonzero(pdf[:, 0] > 0)
-    again, weights = Lobes(device).evaluate(points, seen, direction[seen, 0])
+    again, weights = Lobes(device, unguided(device)).evaluate(points, seen, direction[seen, 0])
     np.testing.assert_allclose(again, pdf[seen, 0], rtol=0.02)
     np.testing.assert_allclose(weights / again[:, None], weight[seen, 0], rtol=0.02, atol=1e-4)
 

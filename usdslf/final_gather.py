@@ -19,7 +19,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdslf.gpu.device import Device
-from usdslf.light_set import Arrival, LightSet, Source, brightest, dot
+from usdslf.light_guide import GuidingField, LightGuide
+from usdslf.light_set import Arrival, LightSet, Source, brightest, dot, luminance
 from usdslf.scene import F32, I32, Scene
 from usdslf.shading import COLUMNS, Lobes, ShadingPoints, reflect, shading_points
 from usdslf.surface import evaluate_surface
@@ -29,11 +30,16 @@ from usdslf.wide_field import Links, WideField
 CHUNK = 1 << 14  # points that one thread works on: their rays stay in the caches
 FOOTPRINT = 12.0  # element areas that a ray's footprint must cover for the light field to be good enough
 WIDE_PDF = 2.0  # [1/sr] density up to which a ray reads the light field averaged over directions
+UNEVEN = 1.8  # times its mean that the brightest of a hit's near elements may be
+BRIGHT = 4.0  # times the mean of all that rays meet, above which the light field is not trusted either
 SHARP_PDF = 8.0  # [1/sr] density from which on a ray counts as a reflection
 # Smoother surfaces count as this rough for rays of wide lobes that follow them: found by chance, their highlights
 # would be fireflies.  Source: Kaplanyan and Dachsbacher 2013, path space regularization.
 CAUSTIC_ROUGHNESS = 0.35
 MIRRORED_ANGLE = 0.2  # [sr] of a dome that a ray sees which only the shading normal sent out
+# What surfaces send along one ray of a wide lobe may bring this many times the mean of all light that arrives at
+# the nearest element; more is cut off.  It is the one place where light is clamped.
+RAY_MOST = 8.0
 MAX_DEPTH = 6  # surfaces followed after the first
 
 
@@ -77,12 +83,14 @@ class Gatherer:
         """
         self.scene, self.tracer, self.lights, self.light_field = scene, tracer, lights, light_field
         self.device, self.element_area, self.depth, self.footprint = device, element_area, depth, footprint
-        self._wide_field: RadianceOfHits | None = light_field
+        self._wide_field = None
         if hasattr(light_field, "link_hits"):
             self._wide_field = WideField(device, cast(Links, light_field))
         low, high = scene.bounds
         self.center = ((low + high) / 2).astype(np.float32)
-        self._lobes = Lobes(device)
+        guiding = light_field if hasattr(light_field, "hit_d") and np.isfinite(footprint) else None
+        self.guide = LightGuide(device, cast(GuidingField | None, guiding), lights)
+        self._lobes = Lobes(device, self.guide)
 
     # ── the first surface ────────────────────────────────────────────────────────────────────────
 
@@ -176,16 +184,23 @@ class Gatherer:
         """Returns columns (n, 5, 3) of what rays of the lobes meet: of lights, and of surfaces."""
         n, share = len(p), light_samples / rays
         rays *= times
-        direction, pdf, weight = self._lobes.sample(p, place * np.uint32(rays), rays, seed)
+        direction, pdf, lobe_pdf, weight = self._lobes.sample(p, place * np.uint32(rays), rays, seed)
         alive = np.flatnonzero((pdf > 0).reshape(-1))
         point = alive // rays
         direction, pdf = direction.reshape(-1, 3)[alive], pdf.reshape(-1)[alive]
+        lobe_pdf = lobe_pdf.reshape(-1)[alive]
         of_source = [0.0 if s.is_met_only else share for s in self.lights.sources]
         ratio = np.broadcast_to(np.array(of_source, np.float32), (len(alive), len(of_source)))
         order = place[point] * np.uint32(rays) + (alive % rays).astype(np.uint32)
         lit, bounced = self._incoming(
-            p.origin[point], p.geometric_normal[point], direction, pdf, ratio, order, 1, pdf, seed
+            p.origin[point], p.geometric_normal[point], direction, pdf, lobe_pdf, ratio, order, 1, lobe_pdf, seed
         )
+        if self.guide.field is not None:
+            matte = weight.reshape(-1, COLUMNS)[alive, :2].sum(1)
+            level = np.where(p.guide < 0, np.inf, self.guide.arriving[p.guide])[point]
+            brings = luminance(bounced) * matte
+            is_too_much = (brings > RAY_MOST * level) & (lobe_pdf < SHARP_PDF)
+            bounced[is_too_much] *= (RAY_MOST * level / np.maximum(brings, 1e-30))[is_too_much, None]
         met = np.zeros((n * rays, 6), np.float32)
         met[alive, :3], met[alive, 3:] = lit, bounced
         sums = np.matmul(weight.transpose(0, 2, 1), met.reshape(n, rays, 6)) / np.float32(rays)
@@ -266,6 +281,7 @@ class Gatherer:
         geometric_normal: F32,
         direction: F32,
         pdf: F32,
+        lobe_pdf: F32,
         ratio: F32,
         index: NDArray[np.uint32],
         depth: int,
@@ -285,10 +301,19 @@ class Gatherer:
         triangle, barycentric, distance = met.triangle[rows], met.barycentric[rows], met.distance[rows]
         d = direction[rows]
         cosine = np.abs(dot(self.scene.triangles.face_normals[triangle], d))
-        footprint = distance**2 / np.maximum(pdf[rows] * np.maximum(cosine, 0.05), 1e-6)
-        follow = footprint < self.footprint * self.element_area
-        if depth > self.depth:
-            follow[:] = False
+        footprint = distance**2 / np.maximum(lobe_pdf[rows] * np.maximum(cosine, 0.05), 1e-6)
+        follow = (footprint < self.footprint * self.element_area) & (depth <= self.depth)
+        known = np.flatnonzero(~follow)
+        if len(known) and self.light_field is not None:
+            value, is_uneven = self._cached(triangle[known], barycentric[known], d[known], lobe_pdf[rows[known]])
+            emissive = self.lights.emissive
+            if len(emissive.triangle):  # their own light was counted above
+                shining = np.flatnonzero(emissive.emits[triangle[known]])
+                own = emissive.emission(triangle[known[shining]], barycentric[known[shining]])
+                value[shining] = np.maximum(value[shining] - own, 0)
+                is_uneven[shining] = False
+            bounced[rows[known]] = value
+            follow[known] = is_uneven & (depth <= self.depth)
         at = np.flatnonzero(follow)
         if len(at):
             surface = evaluate_surface(self.scene, triangle[at], barycentric[at])
@@ -300,26 +325,29 @@ class Gatherer:
             out = self._outgoing(q, index[rows[at]], depth, least_pdf[rows[at]], seed)
             # a ray is stopped here with the probability `opacity`; what is reflected is not scaled by that
             bounced[rows[at]] = out * (surface.presence / np.maximum(surface.opacity, 0.05))[:, None]
-        rest = np.flatnonzero(~follow)
-        if len(rest) and self.light_field is not None:
-            value = self._cached(triangle[rest], barycentric[rest], d[rest], pdf[rows[rest]])
-            emissive = self.lights.emissive
-            if len(emissive.triangle):  # their own light was counted above
-                shining = np.flatnonzero(emissive.emits[triangle[rest]])
-                own = emissive.emission(triangle[rest[shining]], barycentric[rest[shining]])
-                value[shining] = np.maximum(value[shining] - own, 0)
-            bounced[rows[rest]] = value
         return lit, bounced
 
-    def _cached(self, triangle: I32, barycentric: F32, direction: F32, pdf: F32) -> F32:
-        """Returns the light field's radiance (n, 3) at hits."""
-        out = np.empty((len(triangle), 3), np.float32)
-        wide = pdf < WIDE_PDF
-        for field, chosen in ((self._wide_field, wide), (self.light_field, ~wide)):
-            at = np.flatnonzero(chosen)
-            if len(at) and field is not None:
-                out[at] = field.radiance_from_hits(triangle[at], barycentric[at], direction[at])
-        return out
+    def _cached(self, triangle: I32, barycentric: F32, direction: F32, pdf: F32) -> tuple[F32, NDArray[np.bool_]]:
+        """Returns the light field's radiance (n, 3) at hits, and where it is too uneven to be interpolated.
+
+        That is where something bright is near: a lamp close to a wall, the edge of a strong shadow.
+        """
+        n = len(triangle)
+        out, uneven = np.empty((n, 3), np.float32), np.zeros(n, bool)
+        wide = np.flatnonzero(pdf < WIDE_PDF)
+        sharp = np.flatnonzero(pdf >= WIDE_PDF)
+        assert self.light_field is not None
+        if self._wide_field is None:
+            wide, sharp = wide[:0], np.arange(n)
+        else:
+            out[wide], brightest_near = self._wide_field.radiance_from_hits(
+                triangle[wide], barycentric[wide], direction[wide]
+            )
+            usual = luminance(out[wide])
+            mean = usual.mean() if len(usual) else 0
+            uneven[wide] = (brightest_near > UNEVEN * np.maximum(usual, mean)) | (usual > BRIGHT * mean)
+        out[sharp] = self.light_field.radiance_from_hits(triangle[sharp], barycentric[sharp], direction[sharp])
+        return out, uneven
 
     def _outgoing(self, p: ShadingPoints, index: NDArray[np.uint32], depth: int, least_pdf: F32, seed: int) -> F32:
         """Returns the reflected radiance (n, 3) of points on the way: one sample of one source, one ray onwards."""
@@ -342,12 +370,13 @@ class Gatherer:
                 lit, weight, radiance = self._weigh(q, arrival, source, chance)
                 light = weight[:, :, None] * (radiance / chance[lit, None])[:, None]
                 out[rows[lit]] += reflect(q.colors[lit], light)
-        direction, pdf, weight = (a[:, 0] for a in self._lobes.sample(p, index, 1, stream + 3))
+        direction, pdf, _, weight = (a[:, 0] for a in self._lobes.sample(p, index, 1, stream + 3))
         rows = np.flatnonzero(pdf > 0)
         q, density = p[rows], pdf[rows]
         least = np.minimum(least_pdf[rows], density)
         shone, bounced = self._incoming(
-            q.origin, q.geometric_normal, direction[rows], density, chances[rows], index[rows], depth + 1, least, seed
-        )
+            q.origin, q.geometric_normal, direction[rows], density, density, chances[rows], index[rows], depth + 1, least,
+            seed,
+        )  # fmt: skip
         out[rows] += reflect(q.colors, weight[rows][:, :, None] * (shone + bounced)[:, None])
         return out

@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdslf.gpu.device import Device
+from usdslf.light_guide import SHARE, LightGuide
 from usdslf.light_set import dot, luminance
-from usdslf.scene import F32
+from usdslf.scene import F32, I32
 from usdslf.surface import SurfacePoints
 from usdslf.visibility import RayTracer
 
@@ -35,6 +36,7 @@ class ShadingPoints:
     coat: F32  # (n, 2) strength, F0
     colors: F32  # (n, 9) d, F0, F90
     emission: F32  # (n, 3)
+    guide: I32  # (n,) element whose guide serves the point, -1: none
 
     def __len__(self) -> int:
         return len(self.position)
@@ -43,7 +45,9 @@ class ShadingPoints:
         return ShadingPoints(**{f.name: getattr(self, f.name)[rows] for f in fields(self)})
 
 
-def shading_points(surface: SurfacePoints, view: F32, tracer: RayTracer) -> ShadingPoints:
+def shading_points(
+    surface: SurfacePoints, view: F32, tracer: RayTracer, guide: LightGuide | None = None
+) -> ShadingPoints:
     """Turns surface points to their viewer.
 
     A shading normal that points away from the viewer is bent until it is seen just so, and the chance of each lobe
@@ -78,6 +82,9 @@ def shading_points(surface: SurfacePoints, view: F32, tracer: RayTracer) -> Shad
         coat=np.stack([surface.clearcoat, surface.coat_f0], -1).astype(np.float32),
         colors=np.concatenate([surface.diffuse, surface.f0, surface.f90], -1).astype(np.float32),
         emission=surface.emission,
+        guide=np.full(len(view), -1, np.int32)
+        if guide is None
+        else guide.elements_of(surface.triangle, surface.barycentric, side[:, 0] > 0),
     )
 
 
@@ -91,8 +98,8 @@ def reflect(colors: F32, columns: F32) -> F32:
 class Lobes:
     """The lobes of surfaces on the device: directions drawn from them, and the weights of directions."""
 
-    def __init__(self, device: Device) -> None:
-        self._device = device
+    def __init__(self, device: Device, guide: LightGuide) -> None:
+        self._device, self._guide = device, guide
         self._sequence = device.kernel("render", "sequence_points")
         self._sample = device.kernel("render", "sample_lobes")
         self._evaluate = device.kernel("render", "evaluate_lobes")
@@ -106,17 +113,22 @@ class Lobes:
         self._sequence((_up(n),), (GROUP,), np.uint32(n), np.uint32(seed), d.upload(index.astype(np.uint32)), out)
         return d.download(out)
 
-    def sample(self, p: ShadingPoints, index: NDArray[np.uint32], k: int, seed: int) -> tuple[F32, F32, F32]:
-        """Draws k directions at each point: direction (n, k, 3), pdf (n, k), weight over pdf (n, k, 5)."""
+    def sample(self, p: ShadingPoints, index: NDArray[np.uint32], k: int, seed: int) -> tuple[F32, F32, F32, F32]:
+        """Draws k directions at each point.
+
+        Returns: direction (n, k, 3), pdf (n, k), pdf of the lobes alone (n, k), weight over pdf (n, k, 5).
+        """
         d, n = self._device, len(p)
+        shapes = (n, k, 3), (n, k), (n, k), (n, k, COLUMNS)
         if n == 0:
-            return np.zeros((0, k, 3), np.float32), np.zeros((0, k), np.float32), np.zeros((0, k, 5), np.float32)
-        direction, pdf = d.empty((n, k, 3), np.float32), d.empty((n, k), np.float32)
-        weight = d.empty((n, k, COLUMNS), np.float32)
-        up = [d.upload(a) for a in (index.astype(np.uint32), p.normal, p.view, p.lobes, p.coat)]
+            direction, pdf, lobe_pdf, weight = (np.zeros(s, np.float32) for s in shapes)
+            return direction, pdf, lobe_pdf, weight
+        out = [d.empty(s, np.float32) for s in shapes]
+        up = [d.upload(a) for a in (index.astype(np.uint32), p.normal, p.view, p.lobes, p.coat, p.guide)]
         sizes = np.uint32(n), np.uint32(k), np.uint32(seed)
-        self._sample((_up(n * k),), (GROUP,), *sizes, *up, direction, pdf, weight)
-        return d.download(direction), d.download(pdf), d.download(weight)
+        self._sample((_up(n * k),), (GROUP,), *sizes, *up, *self._guiding, *out)
+        direction, pdf, lobe_pdf, weight = (d.download(a) for a in out)
+        return direction, pdf, lobe_pdf, weight
 
     def evaluate(self, p: ShadingPoints, rows: NDArray[np.intp], direction: F32) -> tuple[F32, F32]:
         """Returns pdf (m,) and weights (m, 5) of one direction for each of some points."""
@@ -124,9 +136,13 @@ class Lobes:
         if n == 0:
             return np.zeros(0, np.float32), np.zeros((0, COLUMNS), np.float32)
         pdf, weight = d.empty((n,), np.float32), d.empty((n, COLUMNS), np.float32)
-        up = [d.upload(a) for a in (*(np.take(a, rows, 0) for a in (p.normal, p.view, p.lobes, p.coat)), direction)]
-        self._evaluate((_up(n),), (GROUP,), np.uint32(n), *up, pdf, weight)
+        up = [d.upload(np.take(a, rows, 0)) for a in (p.normal, p.view, p.lobes, p.coat, p.guide)]
+        self._evaluate((_up(n),), (GROUP,), np.uint32(n), *up, *self._guiding, d.upload(direction), pdf, weight)
         return d.download(pdf), d.download(weight)
+
+    @property
+    def _guiding(self) -> tuple[Any, Any, np.float32]:
+        return self._guide.cumulative_d, self._guide.frames_d, np.float32(SHARE)
 
 
 def _up(n: int) -> int:

@@ -37,17 +37,23 @@ class WideField:
         kernel = device.kernel("render", "average_bins", BLOCK=BLOCK)
         kernel((_up(n * blocks),), (GROUP,), np.uint32(n * blocks), field.outgoing_d, self._mean_d)
 
-    def radiance_from_hits(self, triangle: NDArray, barycentric: NDArray, direction: NDArray) -> NDArray[np.float32]:
-        """Returns the averaged radiance (n, 3) of surfaces hit by rays, interpolated between near elements."""
+    def radiance_from_hits(
+        self, triangle: NDArray, barycentric: NDArray, direction: NDArray
+    ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """Returns the averaged radiance (n, 3) of surfaces hit by rays, interpolated between near elements.
+
+        And the luminance (n,) of the brightest of these elements.
+        """
         n = len(triangle)
         if n == 0:
-            return np.zeros((0, 3), np.float32)
+            return np.zeros((0, 3), np.float32), np.zeros(0, np.float32)
         links_d, weights_d = self._field.link_hits(triangle, barycentric, direction)
-        out_d = self._device.empty((n, 3), np.float32)
+        out_d = self._device.empty((n, 4), np.float32)
         kernel = self._device.kernel("render", "follow_wide_links", BLOCK=BLOCK)
         near = np.uint32(links_d.shape[1])
         kernel((_up(n),), (GROUP,), np.uint32(n), near, links_d, weights_d, self._mean_d, out_d)
-        return self._device.download(out_d)
+        out = self._device.download(out_d)
+        return out[:, :3], out[:, 3]
 
 
 def _up(n: int) -> int:

@@ -48,6 +48,7 @@ class Device:
         self.queue = cl.CommandQueue(context)
         self._programs: dict[tuple, Any] = {}
         self._kernels: dict[tuple, Kernel] = {}
+        self._building = threading.Lock()
         self.memory = int(self._info.global_mem_size)
         self.largest_array = int(self._info.max_mem_alloc_size)
 
@@ -104,11 +105,12 @@ class Device:
     def kernel(self, stem: str, function: str, **constants: Any) -> Kernel:
         """Returns the kernel `function` of kernels/<stem>.cl, built with `constants` as macros."""
         key = (stem, *sorted(constants.items()))
-        if (*key, function) not in self._kernels:
-            if key not in self._programs:
-                self._programs[key] = self._build(stem, constants)
-            self._kernels[(*key, function)] = Kernel(getattr(self._programs[key], function), self.queue)
-        return self._kernels[(*key, function)]
+        with self._building:
+            if (*key, function) not in self._kernels:
+                if key not in self._programs:
+                    self._programs[key] = self._build(stem, constants)
+                self._kernels[(*key, function)] = Kernel(getattr(self._programs[key], function), self.queue)
+            return self._kernels[(*key, function)]
 
     def _build(self, stem: str, constants: dict[str, Any]) -> Any:
         options = ["-cl-std=CL1.2", *(f"-D{name}={value}" for name, value in constants.items())]

@@ -1,0 +1,91 @@
+"""Where light comes from, roughly, at every element: a distribution that gathered rays are drawn from.
+
+The light field knows the light that arrives at its elements from surfaces.  Rays of wide lobes are drawn half by
+that, so that a small bright patch of a ceiling, or a window, is found by many rays and not by chance.  The
+distribution is constant over blocks of 4 x 4 bins of the element nearest to a point.
+
+Source: Jensen 1995, Importance Driven Path Tracing using the Photon Map.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usdslf.directions import SIDE, D, bin_directions
+from usdslf.gpu.device import Device
+from usdslf.light_set import LightSet, luminance
+from usdslf.scene import F32, I32
+
+BLOCK = 4  # bins on a side
+BLOCKS = D // BLOCK**2
+SHARE = 0.5  # of the rays that are not drawn from a specular lobe
+EVEN = 0.05  # of the guided rays, spread evenly
+GROUP = 64
+
+
+class GuidingField(Protocol):
+    """What is needed of a light field."""
+
+    hit_d: Any
+    outgoing_d: Any
+    fixed_d: Any
+    surface: Any
+    lookup: Any
+    elements: Any
+
+
+class LightGuide:
+    """The distributions of all elements, on the device."""
+
+    def __init__(self, device: Device, field: GuidingField | None, lights: LightSet) -> None:
+        """Sums the light field up; without one nothing is guided."""
+        self.field = field
+        if field is None:
+            self.frames_d = device.zeros((1, 9), np.float32)
+            self.cumulative_d = device.zeros((1, BLOCKS), np.float32)
+            self.arriving = np.zeros(1, np.float32)
+            return
+        n = field.outgoing_d.shape[0]
+        light_d = device.empty((n, BLOCKS, 3), np.float32)
+        emitted_d = device.upload(luminance(field.surface.emission))
+        kernel = device.kernel("render", "guiding_light", BLOCK=BLOCK)
+        size = -(-n * BLOCKS // GROUP) * GROUP
+        kernel((size,), (GROUP,), np.uint32(n * BLOCKS), field.hit_d, field.outgoing_d, field.fixed_d, emitted_d, light_d)
+        arrives, escapes, total = np.moveaxis(device.download(light_d), 2, 0)
+        # mean luminance, weighted by the cosine, of all light at each element (N,)
+        self.arriving: F32 = (total.sum(1) / bin_directions()[:, 2].sum()).astype(np.float32)
+        frames = np.asarray(field.elements.frame, np.float32).reshape(n, 3, 3)
+        if lights.domes:
+            arrives = arrives + escapes * self._sky(frames, lights)
+        whole = arrives.sum(1, keepdims=True)
+        share = np.where(whole > 0, arrives / np.where(whole > 0, whole, 1), 1 / BLOCKS)
+        cumulative = np.cumsum((1 - EVEN) * share + EVEN / BLOCKS, 1, dtype=np.float64)
+        self.cumulative_d = device.upload((cumulative / cumulative[:, -1:]).astype(np.float32))
+        self.frames_d = device.upload(frames)
+
+    @staticmethod
+    def _sky(frames: F32, lights: LightSet) -> F32:
+        """Returns the luminance (N, blocks) of the domes about the middle of each block, bounded by its mean.
+
+        The bound keeps a sun, which is sampled as a light, from taking all rays.
+        """
+        bins = bin_directions().reshape(SIDE // BLOCK, BLOCK, SIDE // BLOCK, BLOCK, 3).mean((1, 3)).reshape(-1, 3)
+        middle = bins / np.linalg.norm(bins, axis=1, keepdims=True)
+        directions = np.einsum("bk,nkj->nbj", middle.astype(np.float32), frames)
+        out = luminance(lights.background(directions.reshape(-1, 3), 2 * np.pi / BLOCKS))
+        return np.minimum(out, 8 * out.mean()).reshape(len(frames), -1)
+
+    def elements_of(self, triangle: NDArray, barycentric: NDArray, is_front: NDArray) -> I32:
+        """Returns the element (n,) whose distribution serves each point, -1 for none."""
+        if self.field is None:
+            return np.full(len(triangle), -1, np.int32)
+        lookup = self.field.lookup
+        entry = lookup.entry(triangle, barycentric, np.where(is_front, 1, -1))
+        none = entry == np.uint32(0xFFFFFFFF)
+        if not len(lookup.elements_of_entry):
+            return np.full(len(triangle), -1, np.int32)
+        first = lookup.elements_of_entry[np.where(none, 0, entry), 0]
+        return np.where(none | (first == np.uint32(0xFFFFFFFF)), -1, first.astype(np.int64)).astype(np.int32)
