@@ -213,6 +213,22 @@ def test_more_gprims_than_elements_share_by_material():
         assert (e.side[element][live] == side).all()
 
 
+def test_far_flung_gprims_that_share_elements_find_them():
+    """Of a few elements that small things share, the nearest may be hundreds of spacings away."""
+    rng = np.random.default_rng(3)
+    places = rng.uniform(-500, 500, (300, 3))
+    things = [quad(p, (1, 0, 0), (0, 1, 0), path=f"/m{i}", material=i % 3) for i, p in enumerate(places)]
+    scene = make_scene(*things, materials=[Material(f"/m{k}") for k in range(3)])
+    tracer, e = sample(scene, 60)
+    lookup = ElementLookup(scene, tracer, e)
+    triangle = np.arange(len(scene.triangles.mesh))
+    for side in (1, -1):
+        element, weight = lookup.nearest(triangle, np.full((len(triangle), 2), 0.3), np.full(len(triangle), side))
+        alive = weight.sum(1) > 0
+        assert alive.mean() > 0.9
+        np.testing.assert_array_equal(e.material[element[alive, 0]], scene.triangles.material[alive])
+
+
 def test_cells_are_numbered_without_gaps_and_found_again():
     for n in (1, 2, 3, 7, 64, 333, 4096):
         number = np.arange(n * n) if n < 1000 else np.random.default_rng(0).integers(0, n * n, 9999)

@@ -24,7 +24,7 @@ GROUP_GAP = 64.0
 def surface_coordinates(
     position: NDArray, normal: NDArray, group: NDArray, spacing: NDArray, weight: float = NORMAL_WEIGHT
 ) -> NDArray[np.float64]:
-    """Coordinates (n, 7) whose distance is that along the surface, in spacings, and large between groups.
+    """Coordinates (n, 7) whose distance is that along the surface, in spacings, and larger between groups than in them.
 
     Args:
         position: (n, 3).
@@ -35,7 +35,7 @@ def surface_coordinates(
     """
     p = np.asarray(position, np.float64)
     p = (p - p.mean(0)) / spacing[:, None] if len(p) else p
-    gap = GROUP_GAP + np.ptp(p, axis=0).max(initial=0.0) * 1e-3
+    gap = GROUP_GAP + (np.linalg.norm(np.ptp(p, axis=0)) if len(p) else 0.0)  # groups may be spread all over the scene
     return np.concatenate([p, normal * weight, (group * gap)[:, None]], 1)
 
 

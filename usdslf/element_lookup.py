@@ -308,12 +308,16 @@ def _near_elements(
         NORMAL_WEIGHT,
     )
     k = min(ASKED, count)
-    near = cKDTree(both[:count]).query(both[count:], k=k, workers=tracer.threads)[1].reshape(-1, k)
+    reach = np.linalg.norm(np.ptp(both[:, :-1], axis=0)) + 1.0  # of a group: others are not looked at
+    tree = cKDTree(both[:count])
+    near = tree.query(both[count:], k=k, distance_upper_bound=reach, workers=tracer.threads)[1].reshape(-1, k)
+    found = near < count
+    near = np.where(found, near, 0)
     out = np.full((len(position), NEAR), NONE, np.uint32)
     position, normal, face = (a.astype(np.float32) for a in (position, normal, face))
     for a in range(0, len(position), BATCH):
         rows = slice(a, a + BATCH)
-        same = element_group[near[rows]] == group[rows, None]
+        same = found[rows] & (element_group[near[rows]] == group[rows, None])
         out[rows] = _in_sight(tracer, elements, near[rows], same, position[rows], normal[rows], face[rows])
     return out
 
