@@ -23,7 +23,7 @@ from usdslf.light_set import LightSet
 from usdslf.scene import Scene
 from usdslf.solve import Candidate, Options, Tables, enumerate_candidates, pool_tables, refit, relative_error
 from usdslf.strokes import Stroke
-from usdslf.tools import asks_for_nothing, wanted_radiance
+from usdslf.tools import asks_for_nothing, expected_error, wanted_radiance
 
 if TYPE_CHECKING:
     from usdslf.visibility import RayTracer
@@ -189,6 +189,7 @@ def _first_answer(
     tables = pool_tables(mine, pool.material, field.model)
     norms = {e.stroke.norm for e in mine} - {"mixed"}
     options = replace(options, norm=norms.pop()) if len(norms) == 1 else options
+    options = replace(options, dab_error=max(options.dab_error, expected_error([e.stroke for e in mine])))
     candidates = enumerate_candidates(tables, options)
     if pool.is_held:
         candidates = [c for c in candidates if not c.freed]

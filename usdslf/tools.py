@@ -13,12 +13,12 @@ a' it asks for one of width a^2 / a', at its peak and in its tail.  L is the mea
 disk of BLUR_REACH times the brush on the surface, and over directions about the eye's:
 
     B = mean of L(x', w'),   |x' - x| < BLUR_REACH r,   tan^2(w, w') = sigma^2 u / (1 - u),  u uniform in 0..1
-    sigma^2 = BLUR_ANGLE^2 + (2 alpha)^2
+    sigma^2 = BLUR_ANGLE^2 + (BLUR_LOBE alpha)^2
 
-The directions have the shape of GGX's lobe, so that a blurred highlight is one of a larger roughness.  2 alpha is
-the width of the lobe itself [radians]: each blur is a like step, for a dull surface as for a shiny one.  Towards
-the horizon sigma shrinks with the height of the eye.  All is read from the light field before any edit: a tool
-does not chase what it did.
+The directions have the shape of GGX's lobe, so that a blurred highlight is one of a larger roughness, and sigma
+grows with the lobe's own width, so that each blur is a like step for a dull surface and a shiny one.  Towards the
+horizon sigma shrinks with the height of the eye.  No parameters give a blurred or sharpened picture exactly; such
+targets count with SHAPE_ERROR.  All is read from the light field before any edit: a tool does not chase what it did.
 
 Source: Nguyen et al. 2013, 4 and 4.1; Walter et al. 2007 (the shape).
 """
@@ -57,12 +57,14 @@ if TYPE_CHECKING:
     from usdslf.visibility import RayTracer
 
 BLUR_REACH = 1.25  # brush radii over the surface
-BLUR_ANGLE = 0.12  # radians over directions, beside the lobe's own width
+BLUR_ANGLE = 0.08  # radians over directions
+BLUR_LOBE = 1.4  # alphas over directions
 WIDEST_BLUR = 0.6  # radians
 BLUR_TAIL = 0.95  # of the directions, where the far ones are cut
 BLUR_POINTS = 36  # of a dab
 BLUR_EYES = 4  # directions of each point
 MOST_CONTRAST = 4.0  # that sharpen asks for
+SHAPE_ERROR = 0.12  # relative, of what blur and sharpen ask for
 THIN = 4  # one ray of so many for each of these
 
 
@@ -131,6 +133,11 @@ def asks_for_nothing(stroke: Stroke) -> bool:
     return stroke.tool == "fixate" or stroke.strength == 0
 
 
+def expected_error(strokes: Sequence[Stroke]) -> float:
+    """Returns how far off [relative] what the strokes ask for may be from any picture of a surface."""
+    return max(SHAPE_ERROR if s.tool in ("blur", "sharpen") else 0.0 for s in strokes)
+
+
 def wanted_radiance(
     stroke: Stroke, stroke_row: NDArray, samples: Samples, scene: Scene, tracer: RayTracer, field: LightField,
     lights: LightSet, warnings: list[str],
@@ -191,7 +198,7 @@ def _blurred(
     even = np.take_along_axis(even, rng.random(even.shape[:2]).argsort(1)[..., None], 1)
     u, v = even[dab, np.arange(len(dab)) - np.searchsorted(dab, dab)].T
     u = u * BLUR_TAIL
-    sigma = np.minimum(np.hypot(BLUR_ANGLE, 2 * surface.roughness.astype(np.float64) ** 2), WIDEST_BLUR)
+    sigma = np.minimum(np.hypot(BLUR_ANGLE, BLUR_LOBE * surface.roughness.astype(np.float64) ** 2), WIDEST_BLUR)
     height = np.arcsin(np.clip(np.abs(np.einsum("ni,ni->n", frame[:, 2], surface.normal)), 0, 1))
     sigma = np.minimum(sigma, height / np.sqrt(BLUR_TAIL / (1 - BLUR_TAIL)))
     aside = (sigma * np.sqrt(u / (1 - u)))[:, None] * np.stack([np.cos(2 * np.pi * v), np.sin(2 * np.pi * v)], -1)
