@@ -19,15 +19,16 @@ from numpy.typing import NDArray
 
 from usdslf.evidence import Evidence, mean_by
 from usdslf.light_field import LightField, Surface
-from usdslf.reflectance import LEVEL_COUNT, column_weights, columns, lobe_parameter, roughness_levels
+from usdslf.reflectance import column_weights, columns, lobe_parameter
 from usdslf.scene import Scene
 from usdslf.solve import Tables
 
 if TYPE_CHECKING:
     from usdslf.infer import Painted
 
-LEVELS = tuple(range(1, LEVEL_COUNT, 2))  # every other one: roughness .1, .2 .. 1
-MOST_MATERIALS = 8
+LEVELS = (0.1, 0.2, 0.3, 0.45, 0.65, 0.9)  # roughness that is asked first
+NO_LINK = 0xFFFFFFFE  # what is packed below is a link
+MOST_MATERIALS = 5
 LEAST_SHARE = 0.01  # of what a stroke sees, for a material to be asked
 
 
@@ -40,6 +41,7 @@ class Receiver:
     carry: NDArray[np.float32]  # (S, K, 3) painted radiance per radiance of each ray
     target: NDArray[np.float64]  # (n, 3)
     sees: dict[int, float]  # material -> share of what the dabs see
+    elements: NDArray[np.int64]  # that its rays are tied to
 
 
 def make_receiver(painted: Painted, evidence: Evidence, field: LightField, is_fixed: bool) -> Receiver:
@@ -51,14 +53,16 @@ def make_receiver(painted: Painted, evidence: Evidence, field: LightField, is_fi
     x = columns(field.model, width, samples.eye[:, None], local)  # (S, K, 4)
     weight = column_weights(field.model, surface.diffuse, surface.f0, surface.f90)  # (S, 4, 3)
     carry = np.einsum("skc,scr->skr", x, weight) * samples.gain[:, :count, None]
-    links = field.device.download(samples.links_d)[:, 0].reshape(len(x), count)
+    all_links = field.device.download(samples.links_d)
+    elements = np.unique(all_links[all_links < NO_LINK] >> 10).astype(np.int64)
+    links = all_links[:, 0].reshape(len(x), count)
     on_dab = evidence.dab_of_sample < len(evidence.target)
-    seen = (links < 0xFFFFFFFE) & on_dab[:, None]
+    seen = (links < NO_LINK) & on_dab[:, None]
     material = field.elements.material[links[seen] >> 10]
     share = np.bincount(material, carry.sum(2)[seen], minlength=1) / max(float(carry[on_dab].sum()), 1e-30)
     sees = {int(m): float(share[m]) for m in np.flatnonzero(share > LEAST_SHARE)}
     target = present_radiance(evidence) if is_fixed else evidence.target
-    return Receiver(painted, evidence, carry.astype(np.float32), target, sees)
+    return Receiver(painted, evidence, carry.astype(np.float32), target, sees, elements)
 
 
 def present_radiance(e: Evidence) -> NDArray[np.float64]:
@@ -87,11 +91,12 @@ def receiver_tables(
         original: reflectance that the change counts from; the light field may have another one now.
         levels: (J,) roughness to look at; default LEVELS.
     """
-    rows = np.flatnonzero(field.elements.material == material)
+    rows = np.unique(np.concatenate([r.elements for r in receivers]))
+    rows = rows[field.elements.material[rows] == material]
     d, f0, f90, rough = (getattr(original, k)[rows] for k in ("diffuse", "f0", "f90", "roughness"))
     is_metal = bool(np.abs(f90 - f0).max() < 2e-3 and d.max() < 0.02)
     is_textured = bool(d.std(0).max() > 5e-3)
-    levels = roughness_levels()[list(LEVELS)] if levels is None else levels
+    levels = np.array(LEVELS) if levels is None else levels
     mean_rough = float(np.average(rough))
     zero, one = np.zeros_like(d), np.ones_like(d)
 

@@ -12,14 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdslf.errors import SolveError
-from usdslf.indirect import Receiver, make_receiver, materials_in_sight, receiver_tables
+from usdslf.indirect import Receiver, make_receiver, materials_in_sight, present_total, receiver_tables
 from usdslf.infer import Answer, Painted, Pool, fixed_materials, means_of
 from usdslf.light_field import LightField, Surface
 from usdslf.scene import Scene
 from usdslf.solve import Candidate, Options, Tables, enumerate_candidates, refit, relative_error
 from usdslf.tools import asks_for_nothing
 
-MET = 0.05  # relative error at which a stroke counts as met
+MET = 0.05  # relative error of a stroke's mean colour at which it counts as met
 MOST_CHANGES = 3  # materials that one set of strokes may change
 ROUNDS = 3  # of bounces for each
 FINE = (-0.05, -0.025, 0.0, 0.025, 0.05)  # roughness about the chosen level
@@ -47,10 +47,11 @@ def infer_indirect(
     kept = {int(m) for i in wanted for m in np.unique(evidence[i].material)} | set(fixed_materials(evidence))
     where = ", ".join(painted[i].stroke.path for i in wanted)
     answers: list[Answer] = []
+    unmet = np.inf
     for number in range(MOST_CHANGES):
         used = kept | {a.pool.material for a in answers}
-        answer = _best_answer(receivers, materials_in_sight(receivers[: len(wanted)], scene, used), tuple(wanted), scene,
-                              field, options, number, said)  # fmt: skip
+        materials = materials_in_sight(receivers[: len(wanted)], scene, used)
+        answer = _best_answer(receivers, materials, tuple(wanted), scene, field, options, number, said)
         if answer is None:
             if not answers:
                 raise SolveError(f"{where}: nothing that may change is in sight of the stroke; paint a direct one")
@@ -58,12 +59,13 @@ def infer_indirect(
         if not answer.chosen.freed:
             break
         answers.append(_settle(answer, receivers, len(wanted), field, options, bounces))
-        if answers[-1].residual_after < MET:
+        unmet = mean_error(receivers[: len(wanted)], field)
+        if unmet < MET:
             return answers
     if answers:
         bound = any(_at_bound(a) for a in answers)
         reason = "a reflectance is at its bound" if bound else "nothing else in sight explains more of it"
-        said.append(f"{where}: the painted radiance is met within {answers[-1].residual_after:.0%} only; {reason}")
+        said.append(f"{where}: the painted radiance is met within {unmet:.0%} only; {reason}")
     return answers
 
 
@@ -101,22 +103,22 @@ def _settle(
         field.set_surface(changed(start, field, answer.pool.material, chosen, answer.tables.is_metal))
         for _ in field.converge(bounces):
             pass
-        levels = None
+        levels = np.zeros(0)
         if "glossiness" in chosen.freed:
             center = answer.tables.roughness + chosen.roughness_shift
             levels = np.unique(np.clip(center + np.array(FINE), 0.01, 1.0))
         tables = receiver_tables(receivers, answer.pool.material, start, field, levels)
-        now = tables.own if levels is None else int(np.abs(levels - center).argmin())
+        now = int(np.abs(levels - center).argmin()) if len(levels) else tables.own
         error = relative_error(_only(tables, wanted), replace(chosen, level=now))
         rounds.append(error)
         if best is None or error < best[0]:
             best = (error, chosen, field.surface)
         if error < 0.01 or (len(rounds) > 1 and abs(rounds[-1] - rounds[-2]) < 0.01 * rounds[-2]):
             break
-        choice = range(len(levels)) if levels is not None else [tables.own]
+        choice = range(len(levels)) if len(levels) else [tables.own]
         fits = [refit(tables, replace(chosen, level=j), options) for j in choice]
         chosen = min(fits, key=lambda c: c.misfit)
-        if levels is not None:
+        if len(levels):
             chosen = replace(chosen, roughness_shift=float(tables.levels[chosen.level] - tables.roughness))
     assert best is not None
     error, chosen, surface = best
@@ -125,6 +127,15 @@ def _settle(
         pass
     before, after = means_of(answer.tables, chosen)
     return replace(answer, chosen=chosen, before=before, after=after, residual_after=error, rounds=tuple(rounds))
+
+
+def mean_error(receivers: list[Receiver], field: LightField) -> float:
+    """Largest relative error of a receiver's mean colour, any channel, under the light of now."""
+    errors = []
+    for r in receivers:
+        got, target = present_total(r, field).sum(0), r.target.sum(0)
+        errors.append(np.abs(got - target) / (target + 0.1 * target.mean() + 1e-9))
+    return float(np.max(errors))
 
 
 def changed(start: Surface, field: LightField, material: int, c: Candidate, is_metal: bool) -> Surface:

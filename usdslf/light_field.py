@@ -268,7 +268,8 @@ class LightField:
         n = links_d.shape[0]
         radiance_d = self.device.empty((n, 3), np.float32)
         kernel = self.device.kernel("light_field", "follow_links", NEAR=NEAR, LOBE=0)
-        kernel((_up(n),), (64,), links_d, weights_d, self.outgoing_d if field_d is None else field_d, np.uint32(n), radiance_d)
+        sender_d = self.outgoing_d if field_d is None else field_d
+        kernel((_up(n),), (64,), links_d, weights_d, sender_d, np.uint32(n), radiance_d)
         return self.device.download(radiance_d)
 
     def radiance_from_hits(self, triangle: NDArray, barycentric: NDArray, direction: NDArray) -> NDArray[np.float32]:
