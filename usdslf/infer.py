@@ -1,8 +1,8 @@
 """Infer: from strokes to changed materials, under all bounces of the light.
 
 Strokes that say something about the same material in the same scope are asked together.  Then, until the
-painted areas look as painted: new reflectance, new light, the chosen parameters fitted again.  A round that
-fits worse is not accepted.
+painted areas look as painted: new reflectance, new light, the chosen parameters fitted again.  Where the light
+that comes back overshoots, less of the next step is taken.  A round that fits worse is not accepted.
 
 Source: Nguyen et al. 2013, 5.3 (n-bounce) and Listing 1.
 """
@@ -124,24 +124,57 @@ def infer_changes(
     answers = [_first_answer(p, evidence, painted, field, options, choose) for p in pools]
     kept: list[Answer] | None = None
     kept_surface = original
+    at, step, share = np.zeros_like(_changes(answers)), _changes(answers), 1.0
     for number in range(ROUNDS):
         field.set_surface(_changed_surface(original, field, scene, answers, painted))
         for _ in field.converge(bounces):
             pass
         evidence = [p.evidence(field) for p in painted]
         answers = [_after_bounce(a, evidence, painted, field, options) for a in answers]
-        if kept is not None and _total(answers) > _total(kept) * 1.02:
-            field.set_surface(kept_surface)
-            for _ in field.converge(bounces):
-                pass
-            yield kept
-            return
         done = kept is not None and abs(_total(answers) - _total(kept)) < CONVERGED * max(_total(kept), 0.02)
-        kept, kept_surface = answers, field.surface
-        yield answers
+        if kept is None or _total(answers) <= _total(kept) * 1.02:
+            kept, kept_surface = answers, field.surface
+        yield kept
         if done or number + 1 == ROUNDS:
-            return
-        answers = [_refit(a, evidence, painted, field, options) for a in answers]
+            break
+        # The light that comes back answers every step: how much of the next one is taken follows from the last two.
+        at = _changes(answers)
+        wanted = [_refit(a, evidence, painted, field, options) for a in answers]
+        step, share = _relaxed(_changes(wanted) - at, step, share)
+        answers = [_with_changes(a, x) for a, x in zip(wanted, at + share * step, strict=True)]
+    if kept_surface is not field.surface:
+        field.set_surface(kept_surface)
+        for _ in field.converge(bounces):
+            pass
+
+
+def _relaxed(step: NDArray, last: NDArray, share: float) -> tuple[NDArray, float]:
+    """Returns the step and the share of it to take.  Source: Irons and Tuck 1969 (Aitken's method for vectors)."""
+    turn = step - last
+    length = float((turn * turn).sum())
+    if length > 1e-12:
+        share = float(np.clip(-share * (last * turn).sum() / length, 0.1, 1.5))
+    return step, share
+
+
+def _changes(answers: list[Answer]) -> NDArray[np.float64]:
+    """The changes of all answers (n, 7): delta diffuse, delta F0, shift of roughness."""
+    of = lambda c: np.concatenate([c.delta_diffuse, c.delta_f0, [c.roughness_shift]])  # noqa: E731
+    return np.array([of(a.chosen) for a in answers])
+
+
+def _with_changes(answer: Answer, change: NDArray) -> Answer:
+    """The answer with another change (7,) of its freed parameters, held to what is possible."""
+    c, t = answer.chosen, answer.tables
+    low_d, high_d = (-1.0, np.inf) if c.is_tint else (-t.diffuse, 1 - t.diffuse)
+    chosen = replace(
+        c,
+        delta_diffuse=np.clip(change[:3], low_d, high_d),
+        delta_f0=np.clip(change[3:6], -t.f0, 1 - t.f0),
+        roughness_shift=float(change[6]),
+    )
+    before, after = means_of(t, chosen)
+    return replace(answer, chosen=chosen, before=before, after=after)
 
 
 def _total(answers: list[Answer]) -> float:
