@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -23,6 +24,9 @@ from numpy.typing import ArrayLike
 from usdslf.errors import AuthorError
 from usdslf.scene import F64, Input, Material, PrimvarInput, Texture
 from usdslf.workflow import SurfaceInputs, error_of, inputs_for, reflectance_of
+
+if TYPE_CHECKING:
+    from usdslf.bake import Baked
 
 FREED = ("diffuse", "specular", "glossiness")
 # Of the reflectance: constants are met exactly or not at all; through a textured metallic only means are.
@@ -55,6 +59,9 @@ class MaterialChange:
     # What is not needed, but makes the edit of a textured input more exact.  By input name:
     means: Mapping[str, ArrayLike] = field(default_factory=dict)  # mean over the painted area
     highest: Mapping[str, float] = field(default_factory=dict)  # highest value of any channel
+    baked: Mapping[str, Baked] = field(
+        default_factory=dict
+    )  # by input name: instead of one value for all points
     map: str = "auto"  # of textured inputs: auto | add (a bias) | multiply (a scale)
     residual_before: float = float("nan")
     residual_after: float = float("nan")
@@ -68,11 +75,12 @@ class InputEdit:
     input: str  # without "inputs:"
     before: Value  # its value; the mean over the painted area where it is textured
     after: Value
-    representation: str  # constant | scale | primvar
-    source: str = ""  # scale: prim of the UsdUVTexture; primvar: name of the primvar
-    channels: str = ""  # scale: rgb | r | g | b | a
+    representation: str  # constant | scale | primvar | texture
+    source: str = ""  # scale, texture: prim of the UsdUVTexture; primvar: name of the primvar
+    channels: str = ""  # scale, texture: rgb | r | g | b | a
     scale: tuple[float, ...] = ()  # per channel of the input
     bias: tuple[float, ...] = ()
+    baked: Baked | None = None  # texture
 
 
 def inferred(freed: tuple[str, ...]) -> str:
@@ -122,6 +130,19 @@ def material_change_to_input_edits(change: MaterialChange) -> list[InputEdit]:
         rough = _mean(change, "roughness", m.roughness)
         rough = np.array([change.before.roughness]) if rough is None else rough
         edits += _edit(change, "roughness", m.roughness, rough, np.clip(wanted.roughness, 0, 1))
+    return [e for e in edits if e.input not in change.baked] + _baked_edits(change)
+
+
+def _baked_edits(change: MaterialChange) -> list[InputEdit]:
+    """The inputs whose change varies over the surface, and takes a texture of its own."""
+    fields = {"diffuseColor": "diffuse_color", "specularColor": "specular_color"}
+    edits = []
+    for name, baked in sorted(change.baked.items()):
+        drives = getattr(change.material, fields.get(name, name))
+        source = drives.prim if isinstance(drives, Texture) else ""
+        before, after = _plain(np.array(baked.before)), _plain(np.array(baked.after))
+        path = change.material.path
+        edits.append(InputEdit(path, name, before, after, "texture", source, baked.channels, baked=baked))
     return edits
 
 

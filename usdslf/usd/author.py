@@ -2,6 +2,7 @@
 
     author_look(stage, edits, out_path, provenance=None, strokes_path=None, shot_path=None, ...)
         -> list[AuthoredEdit(prim, attribute, before, after, representation, wins, hidden_by, shown_at)]
+    textures_folder(look) -> Path                             where textures that are baked for it go
     author_review_root(path, look, strokes, shot) -> None     subLayers = [look, strokes, shot]
     why_not_editable(prim) -> str                             "" for what can be edited, else a sentence
 
@@ -86,7 +87,7 @@ def _author(
         if not inputs:
             continue
         first = len(written)
-        writer = ChangeWriter(look, change, said, color)
+        writer = ChangeWriter(look, change, out.parent, said, color)
         written += [e for edit in inputs for e in writer.write(edit)]
         if len(written) > first:
             writer.write_provenance()
@@ -121,6 +122,11 @@ def _say_what_is_kept(by_hand: Sdf.Layer, lost: list[Sdf.Path], out: Path, said:
         else:
             notes.add(f"{{}} was added by hand to {out.name} and stays", path)
     said += notes.sentences()
+
+
+def textures_folder(look: str | os.PathLike[str]) -> Path:
+    """Returns the folder that textures baked for a look go to, beside it."""
+    return Path(look).with_suffix(".textures")
 
 
 def author_review_root(

@@ -1,6 +1,6 @@
 """Writes one solved change into a look layer: the material that it goes to, and the place of each input.
 
-    ChangeWriter(look, change, said, color).write(edit) -> list[AuthoredEdit]
+    ChangeWriter(look, change, folder, said, color).write(edit) -> list[AuthoredEdit]
                                            .write_provenance()
 
 Where to write: network.py for what drives an input, look_layer.py for instances.
@@ -8,6 +8,7 @@ Where to write: network.py for what drives an input, look_layer.py for instances
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,6 +16,7 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, Vt
 
 from usdslf.edits import InputEdit, MaterialChange, Reflectance, inferred
 from usdslf.errors import AuthorError
+from usdslf.usd.files import relative_path
 from usdslf.usd.look_layer import LookLayer, bound_relationship, shader_of, users_of
 from usdslf.usd.network import (
     NEW_TYPES,
@@ -23,22 +25,29 @@ from usdslf.usd.network import (
     input_place,
     map_primvar,
     map_texture,
+    new_node_path,
+    path_of_copy,
     plain,
     same_value,
 )
 from usdslf.usd.wins import AuthoredEdit
 
 if TYPE_CHECKING:
+    from usdslf.bake import Baked
     from usdslf.color import Color
 
 SCOPE = "SlfMaterials"
+Names = Sdf.ValueTypeNames
 
 
 class ChangeWriter:
     """Writes the inputs of one change: finds or makes the material that they go to."""
 
-    def __init__(self, look: LookLayer, change: MaterialChange, said: list[str], color: Color | None) -> None:
+    def __init__(
+        self, look: LookLayer, change: MaterialChange, folder: Path, said: list[str], color: Color | None
+    ) -> None:
         self.look, self.change, self.said, self.color = look, change, said, color
+        self.folder = folder  # of the look layer: files are named from there
         self.original = Sdf.Path(change.material.path)
         self.shader = shader_of(look.stage, self.original)
         self.bound: list[tuple[Sdf.Path, Sdf.Path]] = []  # prim and the material that it should show
@@ -127,6 +136,8 @@ class ChangeWriter:
     # ---- its inputs ------------------------------------------------------------------------
     def write(self, edit: InputEdit) -> list[AuthoredEdit]:
         """Writes one input; what came of it."""
+        if edit.representation == "texture":
+            return self._use_baked(edit)
         if edit.representation == "scale":
             return self._map_texture(edit)
         if edit.representation == "primvar":
@@ -173,14 +184,76 @@ class ChangeWriter:
         look, texture = self.look, driving_prim(self.shader, edit.input)
         new = look.define(self._moved(copied), "Shader")
         new.specializesList.Prepend(look.place(self._moved(texture.GetPath())))
-        port = self.shader.GetInput(edit.input)
-        output = port.GetValueProducingAttributes()[0]
-        Sdf.AttributeSpec(new, output.GetName(), output.GetTypeName(), declaresCustom=False)
-        over, name = look.over(self._moved(self.shader.GetPath())), port.GetFullName()
-        spec = Sdf.AttributeSpec(over, name, port.GetTypeName(), declaresCustom=False)
+        output = self.shader.GetInput(edit.input).GetValueProducingAttributes()[0]
+        self._connect(self.shader.GetPath(), edit.input, copied, output.GetName(), output.GetTypeName())
+
+    def _connect(
+        self, reader: Sdf.Path, name: str, node: Sdf.Path, output: str, kind: Sdf.ValueTypeName
+    ) -> None:
+        """Connects an input of a shader to a new node; paths are those of the original material."""
+        look = self.look
+        new = look.over(self._moved(node))
+        if output not in new.attributes:
+            Sdf.AttributeSpec(new, output, kind, declaresCustom=False)
+        there = look.stage.GetAttributeAtPath(reader.AppendProperty(f"inputs:{name}"))
+        kind = there.GetTypeName() if there else NEW_TYPES.get(name, kind)
+        spec = Sdf.AttributeSpec(look.over(self._moved(reader)), f"inputs:{name}", kind, declaresCustom=False)
         spec.connectionPathList.ClearEditsAndMakeExplicit()
-        target = look.place(self._moved(copied)).AppendProperty(output.GetName())
-        spec.connectionPathList.explicitItems = [target]
+        spec.connectionPathList.explicitItems = [look.place(self._moved(node)).AppendProperty(output)]
+
+    # ---- baked textures --------------------------------------------------------------------
+    def _use_baked(self, edit: InputEdit) -> list[AuthoredEdit]:
+        """Gives the input the texture that was baked: in the node that drives it, or in a new one."""
+        baked = edit.baked
+        assert baked is not None, edit.input
+        if edit.source:
+            node = Sdf.Path(str(driving_prim(self.shader, edit.input).GetPath()))
+            copied = path_of_copy(self.look.stage, self.shader, edit)
+            if not copied.isEmpty:
+                self._copy_texture(copied, edit)
+        else:
+            node = copied = self._new_texture(edit, baked)
+        file = Sdf.AssetPath(relative_path(baked.file, self.folder))
+        values = {
+            "file": (Names.Asset, file),
+            "sourceColorSpace": (Names.Token, "raw"),  # of the working space: nothing is to be converted
+            "wrapS": (Names.Token, baked.wrap_s),
+            "wrapT": (Names.Token, baked.wrap_t),
+            "fallback": (Names.Float4, Gf.Vec4f(*baked.fallback)),
+        }
+        written: list[AuthoredEdit] = []
+        for name, (kind, value) in values.items():
+            texture = UsdShade.Shader(self.look.stage.GetPrimAtPath(node))
+            attribute, path, others = input_place(texture, name) if texture else (None, node, [])
+            if others and copied.isEmpty:
+                users = ", ".join(others)
+                raise AuthorError(
+                    f"{path} names the texture of {users} too: give {node} a {name} of its own."
+                )
+            if not copied.isEmpty:
+                path = copied.AppendProperty(f"inputs:{name}")
+            written += self._put(path, kind, attribute.Get() if attribute else None, value, "texture")
+            if name == "file" and written:
+                spec = self.look.over(self._moved(path.GetPrimPath())).attributes[path.name]
+                spec.colorSpace = baked.color_space
+        return written
+
+    def _new_texture(self, edit: InputEdit, baked: Baked) -> Sdf.Path:
+        """Makes a UsdUVTexture with a reader of its coordinates, for an input that had none."""
+        look = self.look
+        node = new_node_path(self.shader, f"slf_{edit.input}")
+        reader = new_node_path(self.shader, f"slf_{edit.input}_st")
+        for path, kind in ((node, "UsdUVTexture"), (reader, "UsdPrimvarReader_float2")):
+            spec = look.define(self._moved(path), "Shader")
+            info = Sdf.AttributeSpec(
+                spec, "info:id", Names.Token, Sdf.VariabilityUniform, declaresCustom=False
+            )
+            info.default = kind
+        look.put(look.over(self._moved(reader)), "inputs:varname", Names.String, baked.uv_set)
+        kind = Names.Float3 if baked.channels == "rgb" else Names.Float
+        self._connect(self.shader.GetPath(), edit.input, node, f"outputs:{baked.channels}", kind)
+        self._connect(node, "st", reader, "outputs:result", Names.Float2)
+        return node
 
     def _map_primvar(self, edit: InputEdit) -> list[AuthoredEdit]:
         users = self.users if self.users is not None else users_of(self.look.stage, self.original)

@@ -1,8 +1,8 @@
 """What an input of a UsdPreviewSurface is driven by, and the opinions that change it there.
 
-    input_place(shader, name) -> (attribute or None, path, other inputs that it drives)
-    map_texture(stage, shader, edit) -> (opinions on scale and bias, path for a copy of the node or none)
-    map_primvar(shader, edit) -> (reader's varname, its fallback)
+input_place(shader, name) -> (attribute or None, path, other inputs that it drives)
+map_texture(stage, shader, edit) -> (opinions on scale and bias, path for a copy of the node or none)
+map_primvar(shader, edit) -> (reader's varname, its fallback)
 """
 
 from __future__ import annotations
@@ -90,9 +90,7 @@ def driving_prim(shader: UsdShade.Shader, name: str) -> Usd.Prim:
     return found[0].GetPrim()
 
 
-def map_texture(
-    stage: Usd.Stage, shader: UsdShade.Shader, edit: InputEdit
-) -> tuple[list[Opinion], Sdf.Path]:
+def map_texture(stage: Usd.Stage, shader: UsdShade.Shader, edit: InputEdit) -> tuple[list[Opinion], Sdf.Path]:
     """Composes an affine map of an input with the scale and bias of the UsdUVTexture that drives it.
 
     Returns the opinions on both, and, where another input reads the same channels of the node, the path of
@@ -100,13 +98,7 @@ def map_texture(
     """
     texture = UsdShade.Shader(driving_prim(shader, edit.input))
     channels = [_CHANNELS.index(c) for c in edit.channels]
-    copied = Sdf.Path.emptyPath
-    if _is_shared(stage, shader, edit, texture.GetPath()):
-        name = f"slf_{texture.GetPrim().GetName()}_{edit.input}"
-        home = shader.GetPrim().GetParent()
-        while not (UsdShade.ConnectableAPI(home) and UsdShade.ConnectableAPI(home).IsContainer()):
-            home = home.GetParent()  # shaders stand in materials and node graphs, not in plain scopes
-        copied = home.GetPath().AppendChild(name)
+    copied = path_of_copy(stage, shader, edit)
     values = {}
     for name, fallback in (("scale", (1.0,) * 4), ("bias", (0.0,) * 4)):
         attribute, path, _ = input_place(texture, name)
@@ -119,6 +111,25 @@ def map_texture(
     for channel, s, b in zip(channels, edit.scale, edit.bias):
         scale[channel], bias[channel] = scale[channel] * s, bias[channel] * s + b
     return [(*values["scale"], scale), (*values["bias"], bias)], copied
+
+
+def path_of_copy(stage: Usd.Stage, shader: UsdShade.Shader, edit: InputEdit) -> Sdf.Path:
+    """Returns where a texture node of its own for an input goes; empty where it needs none.
+
+    It needs one where another input reads the same channels of the node.
+    """
+    texture = driving_prim(shader, edit.input)
+    if not _is_shared(stage, shader, edit, texture.GetPath()):
+        return Sdf.Path.emptyPath
+    return new_node_path(shader, f"slf_{texture.GetName()}_{edit.input}")
+
+
+def new_node_path(shader: UsdShade.Shader, name: str) -> Sdf.Path:
+    """Returns the path of a new node beside a shader: in its material or node graph, not in a plain scope."""
+    home = shader.GetPrim().GetParent()
+    while not (UsdShade.ConnectableAPI(home) and UsdShade.ConnectableAPI(home).IsContainer()):
+        home = home.GetParent()
+    return home.GetPath().AppendChild(name)
 
 
 def _is_shared(stage: Usd.Stage, shader: UsdShade.Shader, edit: InputEdit, texture: Sdf.Path) -> bool:
@@ -192,4 +203,6 @@ def plain(value: Any) -> Any:
     """Returns a value as JSON can hold it."""
     if value is None or isinstance(value, str | bool | int | float):
         return value
+    if isinstance(value, Sdf.AssetPath):
+        return value.path
     return [float(x) for x in np.ravel(np.asarray(value, np.float64))]

@@ -1,0 +1,307 @@
+"""Bakes a change that varies over a surface into a texture: the original's texels plus the change.
+
+    bake_texture(scene, texture, triangles, delta, folder, stem, ...) -> Baked
+    delta_of_samples(scene, triangle, barycentric, values) -> Delta      changes known at points, between them
+    plain_texture(value, uv_set) -> Texture                              the base of an input without a texture
+
+The change is added where texels lie on the painted triangles, and goes on over the rim around their charts
+as far as no other surface uses it, so that filtering does not reach unchanged texels.  All other texels are
+those of the original.  Files are EXR half in the working space, tiled and mip-mapped, named by their content.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import OpenImageIO as oiio
+from numpy.typing import ArrayLike, NDArray
+from scipy.spatial import cKDTree
+
+from usdslf.color import Color, color_of
+from usdslf.errors import AuthorError
+from usdslf.images import load_texture
+from usdslf.scene import F32, F64, Scene, Texture
+from usdslf.texel_cover import nearest_covered, texel_points
+from usdslf.texels import Texels
+
+Delta = Callable[[NDArray, NDArray], NDArray]
+"""(triangle (n,) of the scene, barycentric (n, 2)) -> (n, channels) what is added to the input's value."""
+
+BORDER = 8  # texels around charts: three levels of mip maps
+PLAIN_SIZE = 1024  # of a texture for an input that had none
+HALF_MAX = 65504.0
+_BLOCK = 256  # rows that are converted at a time
+_NEEDED = {"r": 1, "g": 3, "b": 3, "a": 4, "rgb": 3}
+_WRAP_MODES = {"repeat": "periodic"}
+
+
+@dataclass(frozen=True)
+class Baked:
+    """A texture that was baked."""
+
+    file: str  # holds <UDIM> for a tiled set
+    color_space: str  # of its texels
+    channels: str  # that changed: rgb | r | g | b | a
+    before: tuple[float, ...]  # mean of the input over the painted texels
+    after: tuple[float, ...]
+    fallback: tuple[float, float, float, float]  # mean after, of all channels
+    wrap_s: str
+    wrap_t: str
+    uv_set: str
+    texels: int  # how many changed, without the rim
+
+
+def bake_texture(
+    scene: Scene,
+    texture: Texture,
+    triangles: NDArray,
+    delta: Delta,
+    folder: str | os.PathLike[str],
+    stem: str,
+    *,
+    others: NDArray | None = None,
+    size: tuple[int, int] | None = None,
+    border: int = BORDER,
+    color: Color | None = None,
+    warnings: list[str] | None = None,
+) -> Baked:
+    """Writes a texture with a change that varies over triangles of a scene.
+
+    Args:
+        texture: what drives the input now; its scale, bias and coordinates stay as they are.
+        triangles: (k,) of the scene, that show the change.
+        delta: of the input's value, which is texel * scale + bias.
+        folder: of the files; made if it is missing.
+        stem: of their names, before the hash.
+        others: triangles that read the texture too and stay as they are; None: all that read it now.
+        size: (width, height); None: that of the original.
+        warnings: takes a sentence for each thing that is odd.
+
+    Raises:
+        AuthorError: the texture cannot be read, nothing is painted on it, or a file cannot be written.
+    """
+    color = color or color_of(scene.ocio, scene.working_space)
+    said = warnings if warnings is not None else []
+    images = load_texture(texture, color) or _plain(texture, size)
+    triangles = np.unique(triangles)
+    others = np.setdiff1d(_showing(scene, texture, triangles) if others is None else others, triangles)
+    uv, uv_others = _coordinates(scene, texture, triangles), _coordinates(scene, texture, others)
+    at = ["rgba".index(c) for c in texture.channels]
+    gain = np.asarray(texture.scale, np.float64)[at]
+    if (np.abs(gain) < 1e-6).any():
+        raise AuthorError(f"{texture.prim} scales its texels by zero: set its scale to one to paint on it.")
+    folder = Path(folder)
+    written: list[tuple[int, Path]] = []
+    digest, sums, twice, shared = hashlib.sha256(), np.zeros((3, 4)), 0, 0
+    space = "raw" if color.is_data(texture.color_space) else color.working_space
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for tile, image in sorted(images.items()):
+            cell = np.array([(tile - 1001) % 10, (tile - 1001) // 10]) if tile else np.zeros(2)
+            wraps = ("clamp", "clamp") if tile else (texture.wrap_s, texture.wrap_t)
+            pixels = _pixels(image, _NEEDED[texture.channels], size)
+            change, hits = _drawn(pixels.shape[:2], uv - cell, triangles, delta, wraps, len(at))
+            used = _covered(pixels.shape[:2], uv_others - cell, wraps)
+            twice, shared = twice + int((hits > 1).sum()), shared + int((used & (hits > 0)).sum())
+            sums += _add(pixels, change / gain, hits > 0, used, at, border, wraps)
+            temporary = folder / f".{stem}.{tile}.{os.getpid()}.exr"
+            _write(temporary, pixels, space, wraps)
+            written.append((tile, temporary))
+            digest.update(f"{tile} {pixels.shape} {wraps} {space}".encode() + pixels.tobytes())
+        if not sums[0, 0]:
+            raise AuthorError(
+                f"Nothing that was painted lies on {texture.path or texture.prim}: check its uvs."
+            )
+        name = f"{stem}_{digest.hexdigest()[:12]}"
+        for tile, temporary in written:
+            os.replace(temporary, folder / (f"{name}.{tile}.exr" if tile else f"{name}.exr"))
+    except OSError as error:
+        raise AuthorError(
+            f"Cannot write {folder}: {error.strerror or error}; choose another place."
+        ) from None
+    finally:
+        for _, temporary in written:
+            temporary.unlink(missing_ok=True)
+    if twice:
+        said.append(
+            f"{texture.path or stem}: {twice} texels lie on several painted places: they get the mean."
+        )
+    if shared:
+        said.append(f"{texture.path or stem}: {shared} texels also show elsewhere, and change there too.")
+    before, after = (s / sums[0, 0] * texture.scale + texture.bias for s in sums[1:])
+    return Baked(
+        file=str(folder / (f"{name}.<UDIM>.exr" if written[0][0] else f"{name}.exr")),
+        color_space=space,
+        channels=texture.channels,
+        before=tuple(float(x) for x in before[at]),
+        after=tuple(float(x) for x in after[at]),
+        fallback=(float(after[0]), float(after[1]), float(after[2]), float(after[3])),
+        wrap_s=texture.wrap_s,
+        wrap_t=texture.wrap_t,
+        uv_set=texture.uv_set,
+        texels=int(sums[0, 0]),
+    )
+
+
+def plain_texture(value: ArrayLike, uv_set: str = "st", channels: str = "") -> Texture:
+    """Returns a texture of one colour that stands for a constant input (1,) or (3,)."""
+    v = np.ravel(np.asarray(value, np.float64))
+    rgb = [float(x) for x in (v if len(v) == 3 else np.repeat(v, 3))]
+    fallback = (rgb[0], rgb[1], rgb[2], 1.0)
+    space = "raw" if len(v) == 1 else "auto"
+    named = channels or ("rgb" if len(v) == 3 else "r")
+    return Texture("", "", color_space=space, fallback=fallback, channels=named, uv_set=uv_set)
+
+
+def delta_of_samples(
+    scene: Scene, triangle: NDArray, barycentric: NDArray, values: ArrayLike, neighbours: int = 8
+) -> Delta:
+    """Returns changes (m, C) known at points of surfaces as a function of all points.
+
+    Between them the nearest ones are weighted by 1 / distance^2 (Shepard 1968), in world space.
+    """
+    known = np.asarray(values, np.float64).reshape(len(triangle), -1)
+    tree = cKDTree(_positions(scene, triangle, barycentric))
+    count = min(neighbours, len(known))
+    tiny = (1e-6 * max(scene.diagonal, 1e-30)) ** 2
+
+    def delta(triangle_: NDArray, barycentric_: NDArray) -> NDArray:
+        distance, index = tree.query(_positions(scene, triangle_, barycentric_), count)
+        distance, index = distance.reshape(-1, count), index.reshape(-1, count)
+        weight = 1 / (distance**2 + tiny)
+        return np.einsum("nk,nkc->nc", weight / weight.sum(1, keepdims=True), known[index])
+
+    return delta
+
+
+# ---- the surface ---------------------------------------------------------------------------
+def _positions(scene: Scene, triangle: NDArray, barycentric: NDArray) -> F64:
+    u, v = np.asarray(barycentric, np.float64).T[..., None]
+    corners = scene.triangles.positions[triangle].astype(np.float64)
+    return corners[:, 0] * (1 - u - v) + corners[:, 1] * u + corners[:, 2] * v
+
+
+def _showing(scene: Scene, texture: Texture, triangles: NDArray) -> NDArray:
+    """The triangles whose materials read the same texture node, or will read the new one."""
+    if not texture.prim:
+        table = scene.triangles.material
+        return np.flatnonzero(np.isin(table, np.unique(table[triangles])))
+    reads = [
+        any(isinstance(v, Texture) and v.prim == texture.prim for v in vars(m).values())
+        for m in scene.materials
+    ]
+    return np.flatnonzero(np.array(reads, bool)[scene.triangles.material])
+
+
+def _coordinates(scene: Scene, texture: Texture, triangles: NDArray) -> F64:
+    uv = scene.corner_uvs(texture.uv_set)[triangles].astype(np.float64)
+    m = np.asarray(texture.st_from_uv, np.float64)
+    return uv @ m[:2, :2].T + m[:2, 2]
+
+
+# ---- texels ----------------------------------------------------------------------------------
+def _plain(texture: Texture, size: tuple[int, int] | None) -> dict[int, Texels]:
+    """One colour, where no file is named."""
+    if texture.path:
+        raise AuthorError(
+            f"The texture {texture.path} of {texture.prim} cannot be read: restore it to paint on it."
+        )
+    width, height = size or (PLAIN_SIZE, PLAIN_SIZE)
+    values = np.asarray(texture.fallback, np.float16)[: _NEEDED[texture.channels]]
+    return {0: Texels(np.broadcast_to(values, (height, width, len(values))))}
+
+
+def _pixels(image: Texels, needed: int, size: tuple[int, int] | None) -> NDArray[np.float16]:
+    """The texels (h, w, c) of an image in the working space, as they are stored."""
+    height, width, count = image.values.shape
+    count = max(4 if count == 2 else count, needed)
+    out = np.empty((height, width, count), np.float16)
+    for top in range(0, height, _BLOCK):
+        rows = min(_BLOCK, height - top)
+        y, x = np.indices((rows, width)).reshape(2, -1)
+        values = image.at(y + top, x)[:, :count]
+        out[top : top + rows] = np.clip(values, -HALF_MAX, HALF_MAX).reshape(rows, width, count)
+    if size is None or size == (width, height):
+        return out
+    source = oiio.ImageBuf(oiio.ImageSpec(width, height, count, oiio.HALF))
+    source.set_pixels(oiio.ROI(), out)
+    resized = oiio.ImageBufAlgo.resize(source, roi=oiio.ROI(0, size[0], 0, size[1], 0, 1, 0, count))
+    return np.asarray(resized.get_pixels(oiio.HALF), np.float16)
+
+
+def _drawn(
+    shape: tuple[int, ...], uv: F64, triangles: NDArray, delta: Delta, wraps: tuple[str, str], channels: int
+) -> tuple[F32, NDArray[np.uint16]]:
+    """Returns the mean change (h, w, channels) of each texel, and how many places it lies on."""
+    height, width = shape[:2]
+    total = np.zeros((channels, height * width), np.float32)
+    hits = np.zeros(height * width, np.uint16)
+    for points in texel_points(uv, width, height, *wraps):
+        if not len(points.x):
+            continue
+        at = points.y * width + points.x
+        values = np.asarray(delta(triangles[points.triangle], points.barycentric), np.float32)
+        for c, row in enumerate(total):
+            np.add.at(row, at, values.reshape(len(at), -1)[:, c])
+        np.add.at(hits, at, np.uint16(1))
+    total /= np.maximum(hits, 1)
+    return np.moveaxis(total.reshape(channels, height, width), 0, -1), hits.reshape(height, width)
+
+
+def _covered(shape: tuple[int, ...], uv: F64, wraps: tuple[str, str]) -> NDArray[np.bool_]:
+    """Which texels (h, w) lie on any of the triangles."""
+    out = np.zeros(shape[:2], bool)
+    for points in texel_points(uv, shape[1], shape[0], *wraps):
+        out[points.y, points.x] = True
+    return out
+
+
+def _add(
+    pixels: NDArray[np.float16],
+    change: NDArray,
+    covered: NDArray[np.bool_],
+    used: NDArray[np.bool_],
+    at: list[int],
+    border: int,
+    wraps: tuple[str, str],
+) -> F64:
+    """Adds the change to the texels, and to the rim around them; returns count and means times count (3, 4)."""
+    sums = np.zeros((3, 4))
+    count = pixels.shape[2]
+    texels = pixels[covered]
+    sums[0], sums[1:, 3] = len(texels), len(texels)  # alpha is 1 where there is none
+    sums[1, :count] = texels.sum(0, dtype=np.float64)
+    repeats = (wraps[1] == "repeat", wraps[0] == "repeat")
+    y, x, from_y, from_x = nearest_covered(covered, ~(covered | used), border, repeats)
+    rim, spread = pixels[y, x].astype(np.float32), change[from_y, from_x]
+    texels = texels.astype(np.float32)
+    texels[:, at] += change[covered]
+    rim[:, at] += spread
+    pixels[covered] = np.clip(texels, -HALF_MAX, HALF_MAX)
+    pixels[y, x] = np.clip(rim, -HALF_MAX, HALF_MAX)
+    sums[2, :count] = pixels[covered].sum(0, dtype=np.float64)
+    if count == 1:
+        sums[1:, 1:3] = sums[1:, :1]
+    return sums
+
+
+def _write(path: Path, pixels: NDArray[np.float16], space: str, wraps: tuple[str, str]) -> None:
+    """Writes a tiled EXR with mip maps; the same texels give the same bytes."""
+    height, width, count = pixels.shape
+    source = oiio.ImageBuf(oiio.ImageSpec(width, height, count, oiio.HALF))
+    source.set_pixels(oiio.ROI(), np.ascontiguousarray(pixels))
+    spec = oiio.ImageSpec()
+    spec.format, spec.tile_width, spec.tile_height = oiio.HALF, 64, 64
+    names = {"compression": "zip", "wrapmodes": ",".join(_WRAP_MODES.get(w, w) for w in wraps)}
+    names["DateTime"] = "2000:01:01 00:00:00"  # else the time of writing
+    names |= {"oiio:ColorSpace": space} | ({"colorInteropID": space} if space != "raw" else {})
+    for name, value in names.items():
+        spec.attribute(name, value)
+    spec.attribute("maketx:constant_color_detect", 0)
+    if not oiio.ImageBufAlgo.make_texture(oiio.MakeTxTexture, source, str(path), spec):
+        raise OSError(" ".join(str(oiio.geterror()).split()))
