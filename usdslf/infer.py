@@ -202,7 +202,8 @@ def _pools(evidence: list[Evidence], scene: Scene) -> list[Pool]:
             )
         targets: tuple[str, ...] = ()
         if scope in ("prim", "stroke"):
-            meshes = np.unique(e.surface.mesh[e.surface.material == material])
+            under_brush = e.dab_of_sample < len(e.target)  # the other samples are unpainted
+            meshes = np.unique(e.surface.mesh[under_brush & (e.surface.material == material)])
             targets = tuple(scene.meshes[m].path for m in meshes)
         key = (material, scope, targets, i if scope == "stroke" or is_held else -1, is_held)
         found.setdefault(key, []).append(i)
