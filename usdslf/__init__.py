@@ -11,6 +11,7 @@ only `session` knows the order.
     light           lights          Scene's lights -> light that falls on the elements, edits cannot change it
     light field     light_field     Visibility, static light -> LightField: what the elements send out
     strokes         strokes         a path on the picture -> Stroke: points, colours, eye
+    tools           tools           Stroke, LightField -> the radiance that its tool asks for
     evidence        evidence        Strokes, LightField -> normal equations of the painted samples
     solve           solve           evidence -> Change: the fewest parameters that explain the strokes
     edits           edits           Change -> before and after of each material input

@@ -155,6 +155,8 @@ def wanted_radiance(
     n = len(stroke_row)
     columns = evaluate_columns(samples, field, samples.surface.roughness[:, None].astype(np.float64))
     radiance = mean_by(_sum(columns, samples, field), samples.dab)[:n]
+    if asks_for_nothing(stroke):
+        return radiance
     painted = stroke.colors[stroke_row].astype(np.float64)
     if stroke.space == "reflectance":
         painted = painted * mean_by(columns[:, 0, 0] + columns[:, 0, 1], samples.dab)[:n]
