@@ -57,6 +57,31 @@ def test_an_earlier_change_goes_when_another_one_is_solved(shot: Usd.Stage, tmp_
     assert (tmp_path / "look.usda").read_bytes() == again
 
 
+def test_all_kinds_of_changes_give_the_same_bytes_each_time(shot: Usd.Stage, tmp_path: Path) -> None:
+    written = []
+    for again in range(3):
+        if again == 2:
+            (tmp_path / "look.usda").unlink()
+        author(shot, tmp_path, *everything(shot))
+        written.append((tmp_path / "look.usda").read_bytes())
+    assert written[0] == written[1] == written[2]
+
+
+def test_a_binding_that_a_person_changed_stays(shot: Usd.Stage, tmp_path: Path) -> None:
+    author(shot, tmp_path, *everything(shot))
+    layer = look_of(tmp_path)
+    binding = layer.GetRelationshipAtPath("/World/ball.material:binding")
+    binding.targetPathList.explicitItems = ["/World/mtl/grey"]
+    layer.Save()
+    warnings: list[str] = []
+    author(shot, tmp_path, warnings=warnings)
+    assert len(warnings) == 1 and "/World/ball.material:binding" in warnings[0]
+    assert "MaterialBindingAPI" in compose(tmp_path).GetPrimAtPath("/World/ball").GetAppliedSchemas()
+    api = look_of(tmp_path).GetPrimAtPath("/World/ball").GetInfo("apiSchemas")
+    assert "MaterialBindingAPI" in api.GetAddedOrExplicitItems()
+    assert shown(compose(tmp_path), "/World/ball") == shown(shot, "/World/row")
+
+
 def by_hand_on_our_prim(layer: Sdf.Layer) -> str:
     Sdf.AttributeSpec(layer.GetPrimAtPath(RED), "inputs:clearcoat", Sdf.ValueTypeNames.Float).default = 0.7
     return f"{RED}.inputs:clearcoat"
@@ -160,3 +185,17 @@ def test_a_look_without_a_record_is_a_persons(shot: Usd.Stage, tmp_path: Path) -
     author(shot, tmp_path, warnings=warnings)
     assert warnings and "by hand" in warnings[0]
     assert_allclose(shown(compose(tmp_path), "/World/ball")["d"], GREEN, rtol=1e-6)
+
+
+def test_what_another_program_saved_meanwhile_stays(shot: Usd.Stage, tmp_path: Path) -> None:
+    author(shot, tmp_path, change_of(shot, "/World/ball", "diffuse", GREEN))
+    held = look_of(tmp_path)  # open in this process, as in a viewer
+    text = (tmp_path / "look.usda").read_text()
+    line = "color3f inputs:diffuseColor"
+    assert text.count(line) == 1
+    (tmp_path / "look.usda").write_text(text.replace(line, f"float inputs:clearcoat = 0.25\n{line}"))
+    warnings: list[str] = []
+    author(shot, tmp_path, change_of(shot, "/World/ball", "diffuse", BLUE), warnings=warnings)
+    assert len(warnings) == 1 and "inputs:clearcoat" in warnings[0]
+    assert held.GetAttributeAtPath(f"{RED}.inputs:clearcoat").default == 0.25
+    assert_allclose(held.GetAttributeAtPath(f"{RED}.inputs:diffuseColor").default, BLUE, rtol=1e-6)

@@ -186,7 +186,7 @@ def _earlier_look(stage: Usd.Stage, out: Path) -> Sdf.Layer | None:
     if not out.is_file() or not out.stat().st_size or out.suffix not in (".usda", ".usd", ".usdc"):
         return None
     try:
-        earlier = Sdf.Layer.FindOrOpen(str(out))
+        earlier = Sdf.Layer.OpenAsAnonymous(str(out))  # as it is on disk, whoever wrote it
     except Tf.ErrorException:
         earlier = None
     if not earlier or "usdslf" not in earlier.customLayerData:

@@ -53,7 +53,10 @@ def added_by_hand(earlier: Sdf.Layer) -> Sdf.Layer:
             written = ours.get(str(spec.path))
             if written is None:
                 continue
-            _take_out(spec, {k for k, v in _digests(spec).items() if written.get(k) == v})
+            unchanged = {k for k, v in _digests(spec).items() if written.get(k) == v}
+            if any(p.name.startswith("material:binding") for p in spec.properties):
+                unchanged.discard("apiSchemas")  # a binding that stays needs its schema
+            _take_out(spec, unchanged)
             if not (_says(spec) or len(spec.properties) or len(spec.nameChildren) or len(spec.variantSets)):
                 siblings = spec.nameParent.nameChildren if spec.nameParent else layer.rootPrims
                 del siblings[spec.name]
@@ -121,7 +124,8 @@ def _text(value: Any) -> str:
         array = np.asarray(value)
         if array.dtype != object:
             return f"{array.dtype} {array.shape} {hashlib.sha256(array.tobytes()).hexdigest()}"
-    return repr(value)
+    text = repr(value)
+    return str(value) if " object at 0x" in text else text  # lists of edits show their address
 
 
 def _digest(value: Any) -> str:
