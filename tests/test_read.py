@@ -148,6 +148,17 @@ def test_an_unreadable_texture_is_named_once_and_has_its_fallback(
     assert found.base_color[0] == pytest.approx([0.5, 0.25, 0])
 
 
+def test_many_missing_references_are_one_warning(tmp_path: Path) -> None:
+    body = SQUARE % "" + "".join(f'def "r{i}" ( references = @./gone_{i % 5}.usda@ ) {{}}\n' for i in range(40))
+    body += 'def "m" ( references = @./a.mtlx@</MaterialX> ) {}\n'
+    (tmp_path / "a.mtlx").write_text("<materialx/>")
+    warnings = read_scene(write(tmp_path / "s.usda", body)).warnings
+    gone = [w for w in warnings if "gone_" in w]
+    assert len(gone) == 1 and "/r0" in gone[0] and "37 more" in gone[0] and "no such file" in gone[0]
+    assert any("a.mtlx" in w and "MaterialX" in w and "/m" in w for w in warnings)
+    assert all(len(w) < 300 for w in warnings)
+
+
 def test_missing_texture_coordinates_name_the_gprim(tmp_path: Path) -> None:
     write_image(tmp_path / "a.exr", np.ones((2, 2, 3)))
     body = SQUARE.replace("primvars:st", "primvars:uv") % "rel material:binding = </m>" + TEXTURED % "a.exr"

@@ -15,6 +15,7 @@ INPUTS = (
     "diffuse_color", "specular_color", "metallic", "roughness", "ior", "clearcoat", "clearcoat_roughness",
     "emissive_color", "opacity",
 )  # fmt: skip
+LISTED = 20  # cameras that are named
 
 
 def describe(scene: Scene) -> dict[str, Any]:
@@ -72,25 +73,39 @@ def as_text(found: dict[str, Any]) -> Iterator[str]:
     triangles = sum(m["triangles"] for m in found["meshes"])
     yield f"meshes: {len(found['meshes'])} with {triangles} triangles"
     yield f"materials: {len(found['materials'])}"
+    lines = []
     for m in found["materials"]:
         state = "" if m["editable"] else f"  not editable: {m['why_not_editable']}"
         inputs = m["inputs"]
         shown = "diffuse_color", "specular_color" if m["workflow"] == "specular" else "metallic", "roughness"
         values = ", ".join(f"{name} {_short(inputs[name])}" for name in shown)
-        yield f"  {m['prim'] or '(no material)'}  on {m['meshes']}: {values}{state}"
+        lines.append((m["prim"] or "(no material)", f": {values}{state}", m["meshes"]))
+    for name, text, users in _alike(lines):
+        yield f"  {name}  on {users}{text}"
     yield f"lights: {len(found['lights'])}"
-    for light in found["lights"]:
-        yield f"  {light['prim']}  {light['kind']}, radiance {_short(light['radiance'])}"
+    lights = [(x["prim"], f"  {x['kind']}, radiance {_short(x['radiance'])}", 1) for x in found["lights"]]
+    yield from (f"  {name}{text}" for name, text, _ in _alike(lights))
     yield f"cameras: {len(found['cameras'])}"
-    for camera in found["cameras"]:
-        yield f"  {camera}"
+    yield from (f"  {camera}" for camera in found["cameras"][:LISTED])
+    if len(found["cameras"]) > LISTED:
+        yield f"  and {len(found['cameras']) - LISTED} more"
     yield f"warnings: {len(found['warnings'])}"
     for warning in found["warnings"]:
         yield "  " + " ".join(warning.split())
 
 
+def _alike(lines: list[tuple[str, str, int]]) -> Iterator[tuple[str, str, int]]:
+    """Puts prims of which the same is said together: the first one's name and how many more, text, sum of numbers."""
+    alike: dict[str, list[tuple[str, int]]] = {}
+    for prim, text, number in lines:
+        alike.setdefault(text, []).append((prim, number))
+    for text, prims in alike.items():
+        more = f" and {len(prims) - 1} more" if len(prims) > 1 else ""
+        yield prims[0][0] + more, text, sum(number for _, number in prims)
+
+
 def _short(value: Any) -> str:
     if isinstance(value, dict):
-        return next(f"{k} {str(v).rsplit('/', 1)[-1]}" for k, v in value.items())
+        return next(f"{k} {str(v).rsplit('/', 1)[-1] or '(missing)'}" for k, v in value.items())
     values = value if isinstance(value, list) else [value]
     return " ".join(f"{v:.3g}" for v in values)

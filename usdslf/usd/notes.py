@@ -17,9 +17,10 @@ class Notes:
 
     def sentences(self) -> list[str]:
         """Returns one sentence for each reason."""
-        return [reason.replace("{}", _list(list(prims))) for reason, prims in self._prims.items()]
+        return [reason.replace("{}", name_some(list(prims))) for reason, prims in self._prims.items()]
 
 
-def _list(prims: list[str]) -> str:
+def name_some(prims: list[str]) -> str:
+    """Returns the first names of a list and how many more there are."""
     more = len(prims) - _NAMED
     return ", ".join(prims[:_NAMED]) + (f" and {more} more" if more > 0 else "")

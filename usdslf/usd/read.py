@@ -18,7 +18,7 @@ from usdslf.usd.cameras import read_cameras
 from usdslf.usd.geometry import read_meshes
 from usdslf.usd.lights import read_lights
 from usdslf.usd.materials import MaterialTable
-from usdslf.usd.notes import Notes
+from usdslf.usd.notes import Notes, name_some
 
 
 def open_stage(path: str | os.PathLike[str]) -> Usd.Stage:
@@ -125,16 +125,37 @@ def quiet_usd() -> Iterator[None]:
 
 
 def composition_warnings(stage: Usd.Stage) -> list[str]:
-    """Returns a sentence for each composition error of a stage, naming prim and layer."""
-    sentences = []
+    """Returns a sentence for each kind of composition error of a stage, naming prims and files."""
+    files_of: dict[tuple[str, str], dict[str, None]] = {}
+    prims_of: dict[tuple[str, str], dict[str, None]] = {}
+    other: dict[type, list[str]] = {}
     for error in stage.GetCompositionErrors():
-        text = " ".join(str(error).split()).rstrip(".")
-        text = re.sub(r":SDF_FORMAT_ARGS:[^@]*", "", text)
+        text = re.sub(r":SDF_FORMAT_ARGS:[^@]*", "", " ".join(str(error).split()).rstrip("."))
         site = getattr(error, "rootSite", None)
         prim = str(site.path) if isinstance(site, Pcp.Site) else ""
-        place = f"{prim}: " if prim not in ("", "/") else ""
-        sentences.append(f"{place}{text}")
+        unopened = re.match(r"Could not open asset @(.*?)@ for (\S+)(?:.* -- (.*))?", text)
+        if unopened:
+            kind = unopened[2], _why_not_opened(unopened[1], unopened[3] or "")
+            files_of.setdefault(kind, {})[os.path.basename(unopened[1])] = None
+            prims_of.setdefault(kind, {})[prim] = None
+        else:
+            other.setdefault(type(error), []).append(text if prim in ("", "/") else f"{prim}: {text}")
+    sentences = [
+        f"{name_some(list(files))}, {kind[0]} of {name_some(list(prims_of[kind]))}, cannot be opened: {kind[1]}"
+        for kind, files in files_of.items()
+    ]
+    for texts in other.values():
+        more = f" (and {len(texts) - 1} more like it)" if len(texts) > 1 else ""
+        sentences.append(texts[0] + more)
     return list(dict.fromkeys(sentences))
+
+
+def _why_not_opened(path: str, reason: str) -> str:
+    if path.endswith(".mtlx"):
+        return "this build of USD does not read MaterialX"
+    if not reason or not os.path.exists(path):
+        return "there is no such file"
+    return reason.split(" @")[0] if "file format" in reason else reason
 
 
 def _note_primvars(meshes: list[Mesh], materials: list[Material], notes: Notes) -> None:
@@ -156,9 +177,7 @@ def _note_coordinates(mesh: Mesh, texture: Texture, notes: Notes) -> None:
     uv = mesh.uvs.get(texture.uv_set)
     if uv is None:
         has = f" (it has {', '.join(sorted(mesh.uvs))})" if mesh.uvs else ""
-        notes.add(
-            f"no texture coordinates {texture.uv_set} on {{}}{has}: its textures show one texel", mesh.path
-        )
+        notes.add(f"no texture coordinates {texture.uv_set} on {{}}{has}: its textures show one texel", mesh.path)
         return
     black = [wrap == "black" and not texture.tiles for wrap in (texture.wrap_s, texture.wrap_t)]
     if not any(black) or not len(uv):
