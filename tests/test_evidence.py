@@ -50,7 +50,7 @@ DABS = [(0.0, 0.0, 0.0), (0.1, 0.05, 0.0)]
 
 def ground(device: Device, lights: tuple[Light, ...], model: str = "preview_surface", **look: float) -> Lit:
     surface = material(0.5, 0.04, 0.35, **look)
-    return lit(device, [quad((-4, -4, 0), (8, 0, 0), (0, 8, 0))], [surface], lights, 150, model, 2)
+    return lit(device, [quad((-4, -4, 0), (8, 0, 0), (0, 8, 0))], [surface], lights, 60, model, 2)
 
 
 def evidence_of(made: Lit, stroke: Stroke) -> Evidence:
@@ -66,29 +66,39 @@ def painted(e: Evidence) -> np.ndarray:
 
 
 def expected_columns(e: Evidence, model: str, roughness: float, kind: str, eye: np.ndarray = EYE) -> np.ndarray:
-    """Columns (S, 4) of all painted samples for radiance 1."""
+    """Columns (n, 4) of the middle of each dab for radiance 1."""
     out = []
     normal = np.array([0, 0, np.sign(eye[2])])
-    for point in e.surface.position[painted(e)].astype(float):
+    for point in by_dab(e, e.surface.position.astype(float)):
         if kind == "dome":
             out.append(ref.columns_of_dome(model, roughness, normal, eye - point))
         else:
-            n = 320 if roughness < 0.08 else 128 if roughness < 0.15 else 40
+            n = 240 if roughness < 0.08 else 96 if roughness < 0.15 else 36
             l, solid = ref.light_directions(kind, SHAPES[kind], AT, point, n)
             out.append(ref.columns_of_light(model, roughness, normal, eye - point, l, solid))
     return np.array(out)
 
 
-@pytest.mark.parametrize("kind", ["rect", "disk", "sphere", "distant", "dome"])
-@pytest.mark.parametrize("model", ["preview_surface", "phong"])
+def by_dab(e: Evidence, values: np.ndarray) -> np.ndarray:
+    """Means over the samples of each dab."""
+    return np.array([values[e.dab_of_sample == k].mean(0) for k in range(len(e.target))])
+
+
+@pytest.mark.parametrize(
+    ("model", "kind"),
+    [
+        *(("preview_surface", kind) for kind in ("rect", "disk", "sphere", "distant", "dome")),
+        *(("phong", kind) for kind in ("rect", "dome")),
+    ],
+)
 def test_columns_are_the_integrals_of_the_light(device: Device, model: str, kind: str) -> None:
-    """Means over the stroke within 1 %; the sharpest level is sharper than the rays that are drawn for it."""
+    """Over a stroke of 24 dabs within 1 %, each dab within 6 %; the sharpest level is sharper than its rays."""
     light = Light("/l", "dome", (1.0, 2.0, 3.0), np.eye(4)) if kind == "dome" else light_of(kind)
-    e = evidence_of(ground(device, (light,), model), stroke_at([DABS[0]] * 2))
-    assert e.columns.shape[1:] == (len(LEVELS) + 1, 4, 3)
+    u, v = (x.ravel() for x in np.meshgrid(np.linspace(0, 0.15, 6), np.linspace(-0.03, 0.08, 4)))
+    e = evidence_of(ground(device, (light,), model), stroke_at(list(zip(u, v, 0 * u))))
+    assert e.columns.shape[1:] == (len(LEVELS) + 1, 4, 3) and len(e.target) == 24
     for j in (0, 1, 3, 7, 13, 19) if kind in ("rect", "dome") else (1, 3, 7, 19):
-        got = e.columns[painted(e), j]
-        expected = expected_columns(e, model, LEVELS[j], kind)
+        got, expected = by_dab(e, e.columns[:, j]), expected_columns(e, model, LEVELS[j], kind)
         assert (expected[:, 0].mean() > 0.01) and (expected[:, 2].mean() > 0.003)
         np.testing.assert_allclose(got[..., 1], 2 * got[..., 0], rtol=1e-4, atol=1e-7)
         rtol = 0.01 if j else 0.03 if model == "preview_surface" else 0.06
@@ -96,7 +106,7 @@ def test_columns_are_the_integrals_of_the_light(device: Device, model: str, kind
             got[..., 0].mean(0), expected.mean(0), rtol=rtol, atol=5e-5, err_msg=f"{LEVELS[j]:.2f}"
         )
         worst = np.abs(got[..., 0] - expected).max(0) / expected.max(0).clip(1e-3)
-        assert worst.max() < (0.12 if j else 0.2), (LEVELS[j], worst)
+        assert worst.max() < (0.06 if j else 0.15), (LEVELS[j], worst)
 
 
 def test_the_last_level_is_the_sample_s_own_roughness(device: Device) -> None:
@@ -148,7 +158,7 @@ def test_a_stroke_seen_from_behind_has_the_light_of_that_side(device: Device) ->
             l, solid = ref.light_directions("rect", (0.8, 0.5), (0, 0, 1.3), point * mirrored, 64)
             eye = EYE - point * mirrored
             columns.append(ref.columns_of_light("preview_surface", LEVELS[j], [0, 0, 1], eye, l, solid))
-        np.testing.assert_allclose(e.columns[painted(e), j].mean(0)[:, 0], np.mean(columns, 0), rtol=0.02, atol=1e-4)
+        np.testing.assert_allclose(e.columns[painted(e), j].mean(0)[:, 0], np.mean(columns, 0), rtol=0.05, atol=1e-4)
     assert e.background.max() > 0.05
 
 
@@ -160,7 +170,7 @@ def test_unpainted_directions_lie_on_the_albedo_under_a_dome(device: Device) -> 
     np.testing.assert_allclose(rows[:, :, 0] + rows[:, :, 1], 1, atol=0.01)
     cosines = np.linspace(0.08, 1, 60)
     for j in (5, 9, 19):
-        curve = model_ref.albedo("preview_surface", LEVELS[j], cosines, rings=64)
+        curve = model_ref.albedo("preview_surface", LEVELS[j], cosines, rings=48)
         apart = np.abs(rows[:, None, j] - curve[None]).max(2).min(1)
         assert apart.max() < 0.03, (LEVELS[j], apart.max())
         assert np.ptp(rows[:, j, 3]) > 0.3 * np.ptp(curve[:, 3])  # from the normal to near the horizon
@@ -245,7 +255,7 @@ def test_visible_normals_are_drawn_by_their_density(device: Device, alpha: float
     np.testing.assert_allclose(density[up], k * exact, rtol=2e-3 + 3e-7 / alpha**2)
     assert not density[local[:, 2] < 0].any()
 
-    n = 512  # midpoints, sixteen to the side of a bin
+    n = 320  # midpoints, ten to the side of a bin
     t = (np.arange(n) + 0.5) * 2 / n - 1
     l = hemisphere(np.stack([np.tile(t, n), np.repeat(t, n)], 1))
     share = model_ref.visible_normal_density(alpha, eye, l).reshape(32, n // 32, 32, n // 32).sum((1, 3)).ravel()

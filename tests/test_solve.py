@@ -15,7 +15,7 @@ from usdslf.solve import Candidate, Options, Tables, enumerate_candidates, pool_
 from usdslf.strokes import Stroke
 from usdslf.surface import SurfacePoints
 
-DABS, ELSEWHERE, DIRECTIONS = 20, 24, 8
+DABS, ELSEWHERE, DIRECTIONS = 20, 12, 4
 LEVELS = roughness_levels()
 
 
@@ -42,13 +42,13 @@ class World:
 
     def __init__(self) -> None:
         rng = np.random.default_rng(4)
-        window = np.array([-0.6, 0.2, 0.77]) + rng.uniform(-0.16, 0.16, (150, 3))
-        sky = rng.normal(size=(160, 3))
+        window = np.array([-0.6, 0.2, 0.77]) + rng.uniform(-0.16, 0.16, (100, 3))
+        sky = rng.normal(size=(100, 3))
         sky[:, 2] = np.abs(sky[:, 2])
         self.towards = np.concatenate([window, sky])
         self.towards /= np.linalg.norm(self.towards, axis=1, keepdims=True)
         self.light = np.concatenate(
-            [np.full((150, 3), 0.02) * [1, 0.95, 0.85], np.full((160, 3), 0.008) * [0.8, 0.9, 1]]
+            [np.full((100, 3), 0.03) * [1, 0.95, 0.85], np.full((100, 3), 0.013) * [0.8, 0.9, 1]]
         )
         n = DABS + ELSEWHERE
         eye = np.array([0.6, -0.2, 0.77])  # mirrored by the mean normal: the middle of the window

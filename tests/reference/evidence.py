@@ -52,4 +52,4 @@ def columns_of_light(model: str, roughness: float, normal: ArrayLike, eye: Array
 def columns_of_dome(model: str, roughness: float, normal: ArrayLike, eye: ArrayLike) -> F64:
     """The same for radiance 1 from everywhere."""
     cosine = float(np.dot(normal, eye) / np.linalg.norm(eye))
-    return albedo(model, roughness, cosine)[0]
+    return albedo(model, roughness, cosine, rings=96)[0]
