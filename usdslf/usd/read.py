@@ -129,7 +129,8 @@ def composition_warnings(stage: Usd.Stage) -> list[str]:
     files_of: dict[tuple[str, str], dict[str, None]] = {}
     prims_of: dict[tuple[str, str], dict[str, None]] = {}
     other: dict[type, list[str]] = {}
-    for error in stage.GetCompositionErrors():
+    # USD composes on several threads: its order of errors is chance.
+    for error in sorted(stage.GetCompositionErrors(), key=str):
         text = re.sub(r":SDF_FORMAT_ARGS:[^@]*", "", " ".join(str(error).split()).rstrip("."))
         site = getattr(error, "rootSite", None)
         prim = str(site.path) if isinstance(site, Pcp.Site) else ""
