@@ -51,7 +51,8 @@ class Samples:
     side: NDArray[np.int64]  # (S,) +1 where the eye is on the front of the surface, -1 behind it
     eye: NDArray[np.float32]  # (S, 3) local, unit
     towards_d: Any  # device (S, 3, K') local directions; K' is K filled up to a multiple of 16
-    fixed: NDArray[np.float32]  # (S, K, 3) light that no edit changes, over density
+    fixed: NDArray[np.float32]  # (S, K, 3) light that no edit changes, over density, by the lights' diffuse factors
+    fixed_specular: NDArray[np.float32] | None  # by their specular factors, where these are others
     gain: NDArray[np.float32]  # (S, K) one over the density, for what the surfaces send
     links_d: Any  # of the S * ray_count rays
     weights_d: Any
@@ -210,30 +211,36 @@ def _trace(
     links_d, weights_d = field.link_hits(
         np.where(usable, hits.triangle, -1), hits.barycentric.astype(np.float32), world
     )
-    fixed = np.zeros((n, 3))
+    everything: list[Any] = [*lights.placed, *lights.domes]
+    is_split = any(source.diffuse != source.specular for source in everything)
+    fixed = np.zeros((2, n, 3))  # by diffuse and by specular factors
     missed = (hits.triangle < 0) & usable
     for dome in lights.domes:
         p = light_rays * dome.dome.pdf(world[missed])
-        fixed[missed] += dome.dome.radiance(world[missed], None) / (density[missed] + p)[:, None]
+        seen = dome.dome.radiance(world[missed], None) / (density[missed] + p)[:, None]
+        fixed[0, missed] += dome.diffuse * seen
+        fixed[1, missed] += dome.specular * seen
     for placed in lights.placed:
         if not placed.is_delta:
             distance, radiance, pdf = placed.intersect(starts, world)
             met = usable & (distance < np.where(hits.triangle < 0, np.inf, hits.distance) * 1.0001)
             met |= usable & (radiance.max(1) > 0) & (hits.triangle < 0)
-            fixed[met] += radiance[met] / (density[met] + light_rays * pdf[met])[:, None]
-    locals_, lights_in = [device.download(local_d)], [fixed.reshape(s, rays, 3)]
-    everything: list[Any] = [*lights.placed, *lights.domes]
+            seen = radiance[met] / (density[met] + light_rays * pdf[met])[:, None]
+            fixed[0, met] += placed.diffuse * seen
+            fixed[1, met] += placed.specular * seen
+    locals_, lights_in = [device.download(local_d)], [fixed.reshape(2, s, rays, 3)]
     for source in everything:
         direction, light = _sample_source(
             source, eye, frames, origin, device, mixture, constants, tracer, rng, light_rays
         )
         locals_.append(direction)
-        lights_in.append(light)
+        lights_in.append(np.stack([source.diffuse * light, source.specular * light]))
     gain = inverse.reshape(s, rays)
     all_local = np.concatenate(locals_, 1)
     gain = np.concatenate([gain, np.zeros((s, all_local.shape[1] - rays))], 1)
+    light_d, light_s = np.concatenate(lights_in, 2).astype(np.float32)
     return Samples(
-        dab, surface, side, eye, device.upload(_by_sixteen(all_local)), np.concatenate(lights_in, 1).astype(np.float32),
+        dab, surface, side, eye, device.upload(_by_sixteen(all_local)), light_d, light_s if is_split else None,
         gain.astype(np.float32), links_d, weights_d, rays,
     )  # fmt: skip
 
@@ -304,9 +311,9 @@ def sample_levels(own: NDArray, mean: float) -> NDArray[np.float64]:
     return np.concatenate([np.clip(own[:, None] + shift, 0.001, 1), own[:, None]], 1)
 
 
-def arriving_light(samples: Samples, field: LightField) -> NDArray[np.float32]:
+def arriving_light(samples: Samples, field: LightField, specular: bool = False) -> NDArray[np.float32]:
     """Returns radiance over density (S, K, 3) of all rays and light samples, with the light field of now."""
-    light = samples.fixed.copy()
+    light = (samples.fixed if not specular or samples.fixed_specular is None else samples.fixed_specular).copy()
     moving = field.follow_links(samples.links_d, samples.weights_d).reshape(len(light), samples.ray_count, 3)
     light[:, : samples.ray_count] += samples.gain[:, : samples.ray_count, None] * moving
     return light
@@ -315,7 +322,11 @@ def arriving_light(samples: Samples, field: LightField) -> NDArray[np.float32]:
 def evaluate_columns(samples: Samples, field: LightField, levels: NDArray) -> NDArray[np.float64]:
     """Returns X, Y, A, B (S, J, 4, 3) of every sample at roughness `levels` (S, J)."""
     rows = np.arange(len(samples.eye))
-    return _columns(field, samples.eye, rows, samples.towards_d, arriving_light(samples, field), levels)
+    found = _columns(field, samples.eye, rows, samples.towards_d, arriving_light(samples, field), levels)
+    if samples.fixed_specular is not None:
+        light = arriving_light(samples, field, specular=True)
+        found[:, :, 2:] = _columns(field, samples.eye, rows, samples.towards_d, light, levels)[:, :, 2:]
+    return found
 
 
 def _columns(
