@@ -208,6 +208,7 @@ class Session:
         if norm:
             active = [replace(s, norm=norm) for s in active]
         field, original = self.light_field, self.light_field.surface
+        as_it_was_d = field.outgoing_d.copy()
         lights = self.light_set
         try:
             with self._step("evidence"):
@@ -225,7 +226,7 @@ class Session:
                     )
         finally:
             field.set_surface(original)
-            self._converge(field)
+            field.outgoing_d = as_it_was_d
         for a in self.answers:
             if a.is_ambiguous:
                 names = ", ".join(active[i].path for i in a.pool.strokes)
