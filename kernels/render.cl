@@ -152,7 +152,7 @@ inline float3 guided_direction(__global const float *row, __global const float *
 __kernel void guiding_light(
     const uint count,                 /* N * blocks */
     __global const uint *hit,         /* (N, D) element << 10 | bin */
-    __global const float *outgoing,   /* (N, D, 3) */
+    __global const float *mean,       /* (N, D / BLOCK^2, 3) outgoing, of average_bins */
     __global const float *fixed,      /* (N, D, 3) light that arrives from lights and domes */
     __global const float *emitted,    /* (N) luminance */
     __global float *light)            /* (N, blocks, 3) out */
@@ -166,12 +166,15 @@ __kernel void guiding_light(
     for (uint y = 0; y < BLOCK; y++)
         for (uint x = 0; x < BLOCK; x++) {
             int d = (b / BLOCKS * BLOCK + y) * SIDE + b % BLOCKS * BLOCK + x;
-            float z = bin_direction(d).z;
+            float r = max(fabs((float)(d % SIDE) - 0.5f * (SIDE - 1)), fabs((float)(d / SIDE) - 0.5f * (SIDE - 1))) * (2.0f / SIDE);
+            float z = 1.0f - r * r; /* of bin_direction(d) */
             uint h = hit[element * D_BINS + d];
             all += dot(load3(fixed, element * D_BINS + d), luminance) * z;
             if (h == ESCAPES) open += z;
             if (h >= BLOCKED) continue;
-            float l = dot(load3(outgoing, h), luminance);
+            uint bin = h % D_BINS;
+            uint to = bin / SIDE / BLOCK * BLOCKS + bin % SIDE / BLOCK;
+            float l = dot(load3(mean, (size_t)(h / D_BINS) * (BLOCKS * BLOCKS) + to), luminance);
             sum += max(l - emitted[h / D_BINS], 0.0f) * z;
             all += l * z;
         }

@@ -32,7 +32,7 @@ NO_LIGHT = LightSet(make_scene(), [])
 
 def unguided(device: Device) -> LightGuide:
     """Nothing knows where light comes from."""
-    return LightGuide(device, None, NO_LIGHT)
+    return LightGuide(device, None, None, NO_LIGHT)
 
 
 def camera_at(eye: Sequence[float], target: Sequence[float] = (0, 0, 0), **changes: Any) -> Camera:

@@ -25,7 +25,7 @@ from usdslf.scene import F32, I32, Scene
 from usdslf.shading import COLUMNS, Lobes, ShadingPoints, reflect, shading_points
 from usdslf.surface import evaluate_surface
 from usdslf.visibility import Hits, RayTracer
-from usdslf.wide_field import Links, WideField
+from usdslf.wide_field import NearField, WideField
 
 CHUNK = 1 << 14  # points that one thread works on: their rays stay in the caches
 FOOTPRINT = 12.0  # element areas that a ray's footprint must cover for the light field to be good enough
@@ -83,13 +83,13 @@ class Gatherer:
         """
         self.scene, self.tracer, self.lights, self.light_field = scene, tracer, lights, light_field
         self.device, self.element_area, self.depth, self.footprint = device, element_area, depth, footprint
-        self._wide_field = None
-        if hasattr(light_field, "link_hits"):
-            self._wide_field = WideField(device, cast(Links, light_field))
         low, high = scene.bounds
         self.center = ((low + high) / 2).astype(np.float32)
-        guiding = light_field if hasattr(light_field, "hit_d") and np.isfinite(footprint) else None
-        self.guide = LightGuide(device, cast(GuidingField | None, guiding), lights)
+        is_real = hasattr(light_field, "lookup")
+        wide = WideField(device, cast(NearField, light_field)) if is_real else None
+        guiding = cast(GuidingField, light_field) if wide and np.isfinite(footprint) else None
+        self._wide_field = wide
+        self.guide = LightGuide(device, guiding, wide.mean_d if wide else None, lights)
         self._lobes = Lobes(device, self.guide)
 
     # ── the first surface ────────────────────────────────────────────────────────────────────────
@@ -375,8 +375,8 @@ class Gatherer:
         q, density = p[rows], pdf[rows]
         least = np.minimum(least_pdf[rows], density)
         shone, bounced = self._incoming(
-            q.origin, q.geometric_normal, direction[rows], density, density, chances[rows], index[rows], depth + 1, least,
-            seed,
-        )  # fmt: skip
+            *(q.origin, q.geometric_normal, direction[rows], density, density),
+            *(chances[rows], index[rows], depth + 1, least, seed),
+        )
         out[rows] += reflect(q.colors, weight[rows][:, :, None] * (shone + bounced)[:, None])
         return out

@@ -22,7 +22,7 @@ from usdslf.shading import ShadingPoints, reflect
 TILE = 8  # samples on a side that share one low-discrepancy set
 LOBE_SHARE = 1.0  # mirror directions may differ by this many alphas, but no more than 0.15
 NORMAL_COSINE = 0.985  # normals may differ by 10 degrees
-NOISE = 0.015  # relative uncertainty of filtered light above which more samples are spent
+NOISE = 0.03  # relative uncertainty of filtered light above which more samples are spent
 REFINE_MOST = 8  # how many times as many
 REFINE_BUDGET = 1.0  # of the samples of the first round, for all that is spent on refining
 FEATURES = 13  # kernels/render.cl

@@ -30,7 +30,6 @@ class GuidingField(Protocol):
     """What is needed of a light field."""
 
     hit_d: Any
-    outgoing_d: Any
     fixed_d: Any
     surface: Any
     lookup: Any
@@ -40,23 +39,27 @@ class GuidingField(Protocol):
 class LightGuide:
     """The distributions of all elements, on the device."""
 
-    def __init__(self, device: Device, field: GuidingField | None, lights: LightSet) -> None:
-        """Sums the light field up; without one nothing is guided."""
+    def __init__(self, device: Device, field: GuidingField | None, mean_d: Any, lights: LightSet) -> None:
+        """Sums the light field up; without one nothing is guided.
+
+        Args:
+            mean_d: `WideField.mean_d` of the same field.
+        """
         self.field = field
         if field is None:
             self.frames_d = device.zeros((1, 9), np.float32)
             self.cumulative_d = device.zeros((1, BLOCKS), np.float32)
             self.arriving = np.zeros(1, np.float32)
             return
-        n = field.outgoing_d.shape[0]
+        n = mean_d.shape[0]
         light_d = device.empty((n, BLOCKS, 3), np.float32)
         emitted_d = device.upload(luminance(field.surface.emission))
         kernel = device.kernel("render", "guiding_light", BLOCK=BLOCK)
         size = -(-n * BLOCKS // GROUP) * GROUP
-        kernel((size,), (GROUP,), np.uint32(n * BLOCKS), field.hit_d, field.outgoing_d, field.fixed_d, emitted_d, light_d)
+        kernel((size,), (GROUP,), np.uint32(n * BLOCKS), field.hit_d, mean_d, field.fixed_d, emitted_d, light_d)
         arrives, escapes, total = np.moveaxis(device.download(light_d), 2, 0)
         # mean luminance, weighted by the cosine, of all light at each element (N,)
-        self.arriving: F32 = (total.sum(1) / bin_directions()[:, 2].sum()).astype(np.float32)
+        self.arriving = (total.sum(1) / bin_directions()[:, 2].sum()).astype(np.float32)
         frames = np.asarray(field.elements.frame, np.float32).reshape(n, 3, 3)
         if lights.domes:
             arrives = arrives + escapes * self._sky(frames, lights)

@@ -12,30 +12,30 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdslf.directions import D
+from usdslf.element_lookup import link_rays
 from usdslf.gpu.device import Device
 
 BLOCK = 4  # bins on a side
 GROUP = 64
 
 
-class Links(Protocol):
+class NearField(Protocol):
     """What is needed of a light field."""
 
     outgoing_d: Any
-
-    def link_hits(self, triangle: NDArray, barycentric: NDArray, direction: NDArray) -> tuple[Any, Any]: ...
+    lookup: Any
 
 
 class WideField:
     """A light field, averaged over blocks of bins at the time it is made."""
 
-    def __init__(self, device: Device, field: Links) -> None:
-        self._device, self._field = device, field
-        n = field.outgoing_d.shape[0]
+    def __init__(self, device: Device, field: NearField) -> None:
+        self._device, self._tables = device, field.lookup.upload(device)
+        n = field.outgoing_d.shape[0]  # mean_d: (N, blocks, 3)
         blocks = D // BLOCK**2
-        self._mean_d = device.empty((n, blocks, 3), np.float32)
+        self.mean_d = device.empty((n, blocks, 3), np.float32)
         kernel = device.kernel("render", "average_bins", BLOCK=BLOCK)
-        kernel((_up(n * blocks),), (GROUP,), np.uint32(n * blocks), field.outgoing_d, self._mean_d)
+        kernel((_up(n * blocks),), (GROUP,), np.uint32(n * blocks), field.outgoing_d, self.mean_d)
 
     def radiance_from_hits(
         self, triangle: NDArray, barycentric: NDArray, direction: NDArray
@@ -47,11 +47,11 @@ class WideField:
         n = len(triangle)
         if n == 0:
             return np.zeros((0, 3), np.float32), np.zeros(0, np.float32)
-        links_d, weights_d = self._field.link_hits(triangle, barycentric, direction)
+        links_d, weights_d = link_rays(self._device, self._tables, triangle, barycentric, direction)
         out_d = self._device.empty((n, 4), np.float32)
         kernel = self._device.kernel("render", "follow_wide_links", BLOCK=BLOCK)
         near = np.uint32(links_d.shape[1])
-        kernel((_up(n),), (GROUP,), np.uint32(n), near, links_d, weights_d, self._mean_d, out_d)
+        kernel((_up(n),), (GROUP,), np.uint32(n), near, links_d, weights_d, self.mean_d, out_d)
         out = self._device.download(out_d)
         return out[:, :3], out[:, 3]
 
