@@ -40,6 +40,18 @@ def film_window(camera: Camera, aspect: float) -> tuple[float, float, float, flo
     return (x - width / 2) * unit, (x + width / 2) * unit, (y - height / 2) * unit, (y + height / 2) * unit
 
 
+def film_aspect(camera: Camera) -> float:
+    """Returns width / height of the aperture: of the picture that strokes are painted on unless another is named."""
+    width, height = camera.horizontal_aperture, camera.vertical_aperture
+    return width / height if width > 0 and height > 0 else 1.0
+
+
+def film_size(camera: Camera, longest: int = 960) -> tuple[int, int]:
+    """Returns width and height [pixels] of a picture as the film, its longer side given."""
+    aspect = film_aspect(camera)
+    return max(1, round(longest * min(aspect, 1.0))), max(1, round(longest / max(aspect, 1.0)))
+
+
 def camera_rays(camera: Camera, at: ArrayLike, aspect: float) -> CameraRays:
     """Makes the rays through points of the picture.
 

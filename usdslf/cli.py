@@ -146,7 +146,7 @@ def info(options: Settings, stage: str, frame: float | None, refine: int, as_jso
 @click.argument("stage")
 @click.option("-o", "output", required=True, metavar="OUT.exr|png", help="EXR: scene-linear. PNG: displayed.")
 @click.option("--camera", metavar="PRIM", help="Default: the first one, or one that sees everything.")
-@click.option("--size", type=Size(), default=(960, 540), show_default="960x540")
+@click.option("--size", type=Size(), help="Default: as the camera's film, its longer side 960 pixels.")
 @click.option("--edits", metavar="LOOK", help="A look layer to put over the stage.")
 @click.option("--aov", "aovs", multiple=True, metavar="NAME ...", help="More layers of an EXR, e.g. albedo.")
 @click.option("--samples", type=click.IntRange(1, 4096), default=16, show_default=True, help="Rays a pixel.")
@@ -155,10 +155,11 @@ def info(options: Settings, stage: str, frame: float | None, refine: int, as_jso
 @_frame_options
 @settings
 def render(
-    options: Settings, stage: str, output: str, camera: str | None, size: tuple[int, int], edits: str | None,
+    options: Settings, stage: str, output: str, camera: str | None, size: tuple[int, int] | None, edits: str | None,
     aovs: tuple[str, ...], samples: int, elements: int, bounces: int, frame: float | None, refine: int,
 ) -> None:  # fmt: skip
     """A picture of direct and indirect light."""
+    from usdslf.camera_rays import film_size
     from usdslf.outputs import check_picture, write_picture
     from usdslf.usd.edited import open_edited
 
@@ -166,7 +167,8 @@ def render(
     with progress(options.quiet) as say:
         shot = open_edited(stage, edits) if edits else stage
         session = _open(options, shot, frame, say, refine=refine, elements=elements, bounces=bounces)
-        pictures = session.render(camera, size, aovs, samples=samples)
+        view = session.camera(camera)
+        pictures = session.render(view, size or film_size(view), aovs, samples=samples)
     write_picture(output, pictures, session.scene, aovs)
     warn(session.warnings, options.quiet)
     click.echo(output)
@@ -175,7 +177,7 @@ def render(
 @program.command()
 @click.argument("stage")
 @click.argument("strokes")
-@click.option("--camera", required=True, metavar="PRIM", help="What the stroke is painted on the picture of.")
+@click.option("--camera", metavar="PRIM", help="What the stroke is painted on the picture of; default as for render.")
 @click.option("--path", "paths", multiple=True, required=True, type=Path2D(),
               help="0..1 of the picture from its top left; again for a lifted pen; one point is a dab.")
 @click.option("--radius", type=float, default=0.01, show_default=True, help="Brush, in picture heights.")
@@ -196,7 +198,7 @@ def render(
 @_frame_options
 @settings
 def stroke(
-    options: Settings, stage: str, strokes: str, camera: str, paths: tuple[list[list[float]], ...],
+    options: Settings, stage: str, strokes: str, camera: str | None, paths: tuple[list[list[float]], ...],
     radius: float, color: list[float] | None, image: str | None, color_space: str | None,
     size: tuple[int, int] | None, clone_offset: list[float] | None, frame: float | None, refine: int, **brush: Any,
 ) -> None:  # fmt: skip

@@ -269,8 +269,9 @@ class Session:
         for camera in cameras:
             if camera.path == path:
                 return camera
-        known = ", ".join(c.path for c in cameras) or "none"
-        raise StageError(f"{self.scene.stage} has no camera {path}; there is {known}")
+        some = ", ".join(c.path for c in cameras[:5]) + (f" and {len(cameras) - 5} more" if len(cameras) > 5 else "")
+        known = f"there is {some}" if cameras else "leave it out, there is none"
+        raise StageError(f"{self.scene.stage} has no camera {path}; {known}")
 
     @cached_property
     def _overview(self) -> Camera:

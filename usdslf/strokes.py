@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from usdslf.anchors import points_on_triangles, turned_towards, unit
-from usdslf.camera_rays import camera_rays, project_points
+from usdslf.camera_rays import camera_rays, film_aspect, project_points
 from usdslf.errors import StrokeError
 from usdslf.scene import F32, F64, I32, Camera, Scene
 
@@ -170,7 +170,7 @@ def paint_stroke(
     if not (np.isfinite(color).all() and np.shape(color) == (3,)):
         raise StrokeError(f"The colour {np.asarray(color).tolist()} is not three finite numbers: give R,G,B.")
     if aspect is None:
-        aspect = image.shape[1] / image.shape[0] if image is not None else _film_aspect(camera)
+        aspect = image.shape[1] / image.shape[0] if image is not None else film_aspect(camera)
     curves = [_resample(path, spacing * radius, aspect) for path in paths]
     if not sum(map(len, curves)):
         raise StrokeError("The stroke's path is empty: give at least one point x,y in 0..1.")
@@ -257,10 +257,6 @@ def _resample(path: ArrayLike, step: float, aspect: float) -> F64:
         return at[:1]
     s = np.linspace(0, along[-1], int(np.ceil(along[-1] / step - 1e-9)) + 1)
     return np.stack([np.interp(s, along, at[:, 0]), np.interp(s, along, at[:, 1])], -1)
-
-
-def _film_aspect(camera: Camera) -> float:
-    return camera.horizontal_aperture / camera.vertical_aperture
 
 
 def _picture_height(camera: Camera, points: NDArray, aspect: float) -> F64:
