@@ -188,7 +188,7 @@ def test_affine_map_takes_the_mean_to_the_target_within_range(mean: float, targe
     assert_allclose(mean * scale + bias, target, atol=1e-5)
     if kind == "add":
         assert scale == 1
-    if kind == "multiply" and mean > 0:
+    if kind == "multiply" and mean > 0.002:
         assert bias == 0
     if kind == "auto":
         assert min(bias, scale + bias) >= -1e-5 and max(bias, scale + bias) <= 1 + 1e-5
@@ -196,6 +196,14 @@ def test_affine_map_takes_the_mean_to_the_target_within_range(mean: float, targe
 
 def test_a_brighter_texture_with_room_is_a_scale() -> None:
     assert affine_map(0.2, 0.4, 0.5) == (2.0, 0.0)
+
+
+@pytest.mark.parametrize("kind", ["auto", "multiply"])
+def test_a_black_texture_is_not_scaled(kind: str) -> None:
+    """A roughness is read as 0.001 at least: what is 0 stays so whatever its scale."""
+    scale, bias = affine_map(0.001, 0.3, 0.001, kind)
+    assert scale == 1
+    assert_allclose(bias, 0.3, atol=0.002)
 
 
 @pytest.mark.parametrize("mean", [None, (0.5, 0.4, 0.2)])

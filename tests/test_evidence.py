@@ -186,6 +186,16 @@ def test_coat_and_emission_are_light_that_no_parameter_changes(device: Device) -
     np.testing.assert_array_equal(plain.coat, 0)
 
 
+def test_a_perfect_mirror_shows_the_dome(device: Device) -> None:
+    """Rays are never as sharp as its lobe: found by chance, a few would count for millions."""
+    dome = Light("/l", "dome", (1.0, 2.0, 3.0), np.eye(4))
+    floor = [quad((-4, -4, 0), (8, 0, 0), (0, 8, 0))]
+    made = lit(device, floor, [material(0.0, 1.0, 0.0)], (dome,), 60, "preview_surface", 2)
+    e = evidence_of(made, stroke_at(DABS))
+    columns = by_dab(e, e.columns[:, -1])
+    np.testing.assert_allclose(columns[:, 2] + columns[:, 3], np.tile([1.0, 2.0, 3.0], (len(DABS), 1)), rtol=0.08)
+
+
 def test_a_reflectance_is_multiplied_by_the_light_that_falls_there(device: Device) -> None:
     made = ground(device, (Light("/d", "dome", (1.0, 2.0, 0.5), np.eye(4)),))
     e = evidence_of(made, stroke_at(DABS, space="reflectance"))

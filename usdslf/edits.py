@@ -32,6 +32,7 @@ FREED = ("diffuse", "specular", "glossiness")
 # Of the reflectance: constants are met exactly or not at all; through a textured metallic only means are.
 TOLERANCE, TOLERANCE_TEXTURED = 0.005, 0.03
 SAME = 1e-5  # a change below this is none
+DARK = 0.002  # half an 8 bit step: nothing times a scale stays nothing
 Value = tuple[float, ...] | float | int
 
 
@@ -154,7 +155,7 @@ def affine_map(mean: float, target: float, high: float, kind: str = "auto") -> t
     """
     if abs(target - mean) <= SAME:
         return 1.0, 0.0
-    ratio = target / mean if mean > 0 else np.inf
+    ratio = target / mean if mean > DARK else np.inf
     if kind == "add":
         return 1.0, target - mean
     if np.isfinite(ratio) and (kind == "multiply" or ratio <= 1 or high * ratio <= 1):

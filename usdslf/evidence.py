@@ -38,6 +38,7 @@ LOBE_ROUGHNESS = (0.08, 0.22, 0.42, 0.7)
 LIGHT_RAYS = 32  # of a sample to each light
 BACKGROUND = 24  # unpainted directions of a dab
 ELSEWHERE = 96  # unpainted points of the painted materials
+SHARPEST = 0.04  # roughness; sharper lobes fall between the rays, the sharpest of which have twice that
 SHARPEST_BACKGROUND = 0.2  # roughness; sharper lobes fall between the bins
 LEAST_COSINE = 0.05  # of the eye above a surface
 
@@ -320,7 +321,8 @@ def arriving_light(samples: Samples, field: LightField, specular: bool = False) 
 
 
 def evaluate_columns(samples: Samples, field: LightField, levels: NDArray) -> NDArray[np.float64]:
-    """Returns X, Y, A, B (S, J, 4, 3) of every sample at roughness `levels` (S, J)."""
+    """Returns X, Y, A, B (S, J, 4, 3) of every sample at roughness `levels` (S, J), mirrors a little blurred."""
+    levels = np.maximum(levels, SHARPEST)
     rows = np.arange(len(samples.eye))
     found = _columns(field, samples.eye, rows, samples.towards_d, arriving_light(samples, field), levels)
     if samples.fixed_specular is not None:
