@@ -30,8 +30,8 @@ from usdslf.usd.stroke_layer import write_strokes
 if TYPE_CHECKING:
     from usdslf.session import Say
 
-SIZE = (512, 288)
-SAMPLES = 16
+SIZE = (448, 252)
+SAMPLES = 12
 RADIUS = 0.012  # of a dab, in picture heights
 Point = tuple[float, float]
 Rgb = tuple[float, float, float]
