@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from usdslf.light_set import EmissiveSurfaces, SurfaceEmission
 from usdslf.scene import F64, Camera, Scene
 from usdslf.visibility import RayTracer
 
@@ -58,9 +59,7 @@ def find_room(scene: Scene, tracer: RayTracer) -> F64 | None:
     directions = _all_around(256)
     met = tracer.intersect(np.repeat(places, len(directions), 0), np.tile(directions, (len(places), 1)))
     hit = (met.triangle >= 0).reshape(len(places), -1)
-    emission = [m.emissive_color for m in scene.materials]
-    emits = np.array([not isinstance(e, np.ndarray) or bool(e.max() > 0) for e in emission])
-    shines = emits[scene.triangles.material[met.triangle]].reshape(hit.shape) & hit
+    shines = EmissiveSurfaces(scene, SurfaceEmission(scene)).emits[met.triangle].reshape(hit.shape) & hit
     lamps = [x.world_from_light[:3, 3] for x in scene.lights if x.kind not in ("dome", "distant")]
     lit = np.array([any(_sees(tracer, place, lamp) for lamp in lamps) for place in places])
     rooms = np.flatnonzero((hit.mean(1) >= LEAST_ENCLOSED) & (lit | shines.any(1)))
