@@ -5,31 +5,12 @@
  * Build constant LOBES: lobes of the mixture, the cosine not counted.
  */
 #include "reflectance.cl"
+#include "visible_normals.cl"
 
-/* visible normals of GGX.  Heitz 2018 */
-inline float3 sample_visible_normal(float alpha, float3 e, float2 u)
-{
-    float3 v = normalize((float3)(alpha * e.x, alpha * e.y, e.z));
-    float3 t, b;
-    frame_about(v, &t, &b);
-    float r = sqrt(u.x), phi = 2.0f * PI_F * u.y;
-    float x = r * cos(phi), y = r * sin(phi);
-    float s = 0.5f * (1.0f + v.z);
-    /* t lies across z x v, as the projected disk needs */
-    float3 side = v.z < 0.9999f ? normalize((float3)(-v.y, v.x, 0.0f)) : (float3)(1.0f, 0.0f, 0.0f);
-    float3 up = cross(v, side);
-    y = (1.0f - s) * sqrt(max(1.0f - x * x, 0.0f)) + s * y;
-    float3 h = x * side + y * up + sqrt(max(1.0f - x * x - y * y, 0.0f)) * v;
-    return normalize((float3)(alpha * h.x, alpha * h.y, max(h.z, 1e-6f)));
-}
-
-/* density of the lobe's directions [1/sr]: D G1 / (4 N.E) */
+/* density [1/sr] of the directions that a lobe's visible normals mirror the eye to */
 inline float lobe_density(float alpha, float3 e, float3 l)
 {
-    float3 h = normalize(e + l);
-    float a2 = alpha * alpha;
-    float g = 2.0f / (e.z + sqrt(a2 + (1.0f - a2) * e.z * e.z));
-    return ggx_distribution(alpha, clamp(h.z, 0.0f, 1.0f)) * g * 0.25f;
+    return visible_pdf(alpha, ggx_of_half(alpha, normalize(e + l)), e.z);
 }
 
 /* expected number of rays per steradian, over all techniques */
@@ -63,7 +44,7 @@ __kernel void make_rays(__global const float *eye, __global const float *frames,
         float r = sqrt(u[i].x), phi = 2.0f * PI_F * u[i].y;
         l = (float3)(r * cos(phi), r * sin(phi), sqrt(max(1.0f - u[i].x, 0.0f)));
     } else {
-        float3 h = sample_visible_normal(alphas[t - 1], e, u[i]);
+        float3 h = visible_normal(alphas[t - 1], e, u[i]);
         l = 2.0f * dot(e, h) * h - e;
     }
     store3(l, towards, i);

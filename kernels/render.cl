@@ -4,11 +4,11 @@
  * Random numbers are Owen-scrambled points of Sobol's (0, 2)-sequence by hashing (Burley 2020): every
  * aligned block of 2^m consecutive indices is stratified in both dimensions, so pixels that take
  * neighbouring blocks complete each other (interleaved sampling, Keller and Heidrich 2001).
- * GGX's visible normals are drawn as spherical caps (Dupuy and Benyoub 2023).
  *
  * A ray's five weights are the integrands of (X, Y, A, B, coat) of reflectance.cl.
  */
 #include "reflectance.cl"
+#include "visible_normals.cl"
 
 #ifndef BLOCK
 #define BLOCK 4 /* bins on a side that are taken together */
@@ -68,32 +68,6 @@ __kernel void sequence_points(
     size_t i = get_global_id(0);
     if (i >= n) return;
     vstore2(sobol(index[i], seed), i, point);
-}
-
-/* a normal that GGX shows to local eye e, drawn in proportion to how much it shows */
-inline float3 visible_normal(float alpha, float3 e, float2 u)
-{
-    float3 s = normalize((float3)(alpha * e.x, alpha * e.y, e.z));
-    float phi = 2.0f * PI_F * u.x;
-    float z = (1.0f - u.y) * (1.0f + s.z) - s.z;
-    float r = sqrt(clamp(1.0f - z * z, 0.0f, 1.0f));
-    float3 h = (float3)(r * cos(phi), r * sin(phi), z) + s;
-    return normalize((float3)(alpha * h.x, alpha * h.y, max(h.z, 1e-6f)));
-}
-
-/* D of a half vector, from its sine: exact for sharp lobes too */
-inline float ggx_of_half(float alpha, float3 h)
-{
-    float a2 = alpha * alpha;
-    float t = h.z * h.z * a2 + h.x * h.x + h.y * h.y;
-    return a2 / (PI_F * t * t);
-}
-
-/* density of l as the mirror of e about a visible normal h: D / (2 (e.z + Lambda)) */
-inline float visible_pdf(float alpha, float d, float ez)
-{
-    float a2 = alpha * alpha;
-    return d / (2.0f * (ez + sqrt(a2 + (1.0f - a2) * ez * ez)));
 }
 
 /* weights (5) of light direction l seen from e, and the density of the mixture of lobes that draws it.
