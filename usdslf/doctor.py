@@ -60,10 +60,11 @@ def _version(package: str) -> str:
 
 def _opencl(name: str | None, failed: list[UsdslfError]) -> Iterator[Row]:
     try:
-        from usdslf.gpu.device import list_devices, open_device
+        from usdslf.gpu.device import compiled_for, list_devices, open_device
 
-        for i, (label, memory) in enumerate(list_devices()):
-            yield "opencl", f"device {i}", f"{label}, {memory / 2**30:.1f} GiB"
+        for i, ((label, memory), processor) in enumerate(zip(list_devices(), compiled_for())):
+            note = f"; compiles for {processor}, as its compiler does not know this processor" if processor else ""
+            yield "opencl", f"device {i}", f"{label}, {memory / 2**30:.1f} GiB{note}"
         device = open_device(name)
     except UsdslfError as error:
         yield "opencl", "in use", f"none: {error}"

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from usdslf.errors import DeviceError, KernelBuildError, MemoryError_
+from usdslf.gpu.pocl_target import name_processor
 from usdslf.gpu.source import kernel_source
 
 try:
@@ -128,13 +129,28 @@ class Device:
 
 def list_devices() -> list[tuple[str, int]]:
     """Returns name and memory [bytes] of all OpenCL devices, in the order that `--device` counts them."""
+    return [(f"{d.name.strip()} ({d.platform.name.strip()})", int(d.global_mem_size)) for d in _devices()]
+
+
+def compiled_for() -> list[str]:
+    """Returns, for each device, the processor that PoCL was told to compile for; "" where it knows its own."""
+    return [name_processor(d.int_ptr) if _is_pocl(d) else "" for d in _devices()]
+
+
+def _is_pocl(device: Any) -> bool:
+    return "Portable Computing Language" in device.platform.name
+
+
+def _devices() -> list[Any]:
+    """All devices, ready to build for."""
     try:
-        platforms = cl.get_platforms()
+        devices = [d for p in cl.get_platforms() for d in p.get_devices()]
     except cl.Error:
         return []
-    return [
-        (f"{d.name.strip()} ({p.name.strip()})", int(d.global_mem_size)) for p in platforms for d in p.get_devices()
-    ]
+    for d in devices:
+        if _is_pocl(d):
+            name_processor(d.int_ptr)
+    return devices
 
 
 def open_device(name: str | None = None) -> Device:
@@ -142,10 +158,7 @@ def open_device(name: str | None = None) -> Device:
 
     Raises: DeviceError where there is none, or none of that name.
     """
-    try:
-        devices = [d for p in cl.get_platforms() for d in p.get_devices()]
-    except cl.Error:
-        devices = []
+    devices = _devices()
     if not devices:
         raise DeviceError(
             "no OpenCL device was found; install a driver, or the CPU's with: pip install pocl-binary-distribution"
