@@ -177,6 +177,30 @@ def test_an_alternative_and_a_norm_can_be_asked_for(session: Session) -> None:
         solve(session, stroke, choose={"stroke_0001": "lacquer"})
 
 
+@pytest.mark.parametrize("times", [3.0, 40.0])
+def test_paint_brighter_than_white_keeps_its_hue_and_is_said(session: Session, times: float) -> None:
+    hue = np.array([1.0, 0.5, 0.25])
+    as_bright_as_can_be = seen(places(), tuple(hue), FLOOR["specular"], FLOOR["roughness"])
+    session.warnings.clear()
+    (got,) = solve(session, dabs(places(), times * as_bright_as_can_be))["strokes"]
+    assert got["inferred"] == "diffuse", got["alternatives"]
+    np.testing.assert_allclose(got["after"]["diffuse"], hue, atol=0.05)
+    (said,) = [w for w in session.warnings if "brighter" in w]
+    assert float(said.split("painted ")[1].split(" times")[0]) == pytest.approx(times, rel=0.05)
+
+
+def test_what_no_material_explains_changes_nothing_and_is_said(session: Session) -> None:
+    row, column = np.divmod(np.arange(16), 4)
+    checks = np.where((row + column) % 2, 0.7, 1.6)[:, None]
+    painted_checks = checks * seen(places(), FLOOR["diffuse"], FLOOR["specular"], FLOOR["roughness"])
+    session.warnings.clear()
+    (got,) = solve(session, dabs(places(), painted_checks))["strokes"]
+    assert got["inferred"] == "none" and got["after"] == got["before"]
+    assert [w for w in session.warnings if "no change of the material comes near" in w]
+    (got,) = solve(session, dabs(places(), painted_checks), choose={"stroke_0001": "diffuse"})["strokes"]
+    assert got["inferred"] == "diffuse"
+
+
 def test_without_a_stroke_there_is_nothing_to_solve(session: Session) -> None:
     session.strokes = []
     with pytest.raises(SolveError):

@@ -20,6 +20,7 @@ from usdslf.errors import SolveError, StrokeError
 from usdslf.evidence import Evidence, Samples, build_evidence, evaluate_columns, gather_samples
 from usdslf.light_field import LightField, Surface
 from usdslf.light_set import LightSet
+from usdslf.reach import dimming, error_of, explains_nothing
 from usdslf.scene import Scene
 from usdslf.solve import Candidate, Options, Tables, enumerate_candidates, pool_tables, refit, relative_error
 from usdslf.strokes import Stroke
@@ -58,6 +59,7 @@ class Answer:
     residual_before: float
     residual_after: float
     rounds: tuple[float, ...]  # residual after each round of bounces
+    reach: float = 1.0  # factor that brings the paint within what the surface can send
 
     @property
     def is_ambiguous(self) -> bool:
@@ -104,6 +106,7 @@ def infer_changes(
     options: Options | None = None,
     choose: dict[str, str] | None = None,
     bounces: int = 6,
+    warnings: list[str] | None = None,
 ) -> Iterator[list[Answer]]:
     """Finds the change of every painted material; yields the answers after each round of bounces.
 
@@ -112,16 +115,25 @@ def infer_changes(
     Args:
         choose: stroke name -> id of the alternative to take instead of the best.
         options: weights; their `norm` is used for strokes that say mixed.
+        warnings: takes a sentence for paint that is out of reach.
 
     Raises: SolveError where no stroke says anything about a material that can be changed.
     """
     options, choose = options or Options(), choose or {}
+    said = warnings if warnings is not None else []
     original = field.surface
     evidence = [p.evidence(field) for p in painted]
     pools = _pools(evidence, scene)
     if not pools:
         raise SolveError("no stroke lies on a material; paint on a surface of the shot")
     answers = [_first_answer(p, evidence, painted, field, options, choose) for p in pools]
+    factors = _out_of_reach(answers, painted, said)
+    if factors:
+        dimmed = [replace(p, wanted=factors.get(i, 1.0) * e.target) for i, (p, e) in enumerate(zip(painted, evidence))]
+        painted = [dimmed[i] if i in factors else p for i, p in enumerate(painted)]
+        evidence = [p.evidence(field) for p in painted]
+        answers = [_first_answer(p, evidence, painted, field, options, choose) for p in pools]
+    answers = [_or_nothing(a, painted, choose, said) for a in answers]
     kept: list[Answer] | None = None
     kept_surface = original
     at, step, share = np.zeros_like(_changes(answers)), _changes(answers), 1.0
@@ -146,6 +158,39 @@ def infer_changes(
         field.set_surface(kept_surface)
         for _ in field.converge(bounces):
             pass
+
+
+def _out_of_reach(answers: list[Answer], painted: list[Painted], said: list[str]) -> dict[int, float]:
+    """Factors of the strokes that are too bright for their surface, said."""
+    factors: dict[int, float] = {}
+    for a in answers:
+        if a.pool.is_held or a.reach == 1:
+            continue
+        factors |= dict.fromkeys(a.pool.strokes, a.reach)
+        names = ", ".join(painted[i].stroke.path for i in a.pool.strokes)
+        said.append(
+            f"{names}: painted {1 / a.reach:.1f} times brighter than the surface can be in this light; its hue is "
+            "kept and its brightness lowered to that"
+        )
+    return factors
+
+
+def _or_nothing(answer: Answer, painted: list[Painted], choose: dict[str, str], said: list[str]) -> Answer:
+    """The answer, unless its change explains next to nothing and nobody chose it: then none."""
+    c, t = answer.chosen, answer.tables
+    strokes = [painted[i].stroke for i in answer.pool.strokes]
+    if not c.freed or any(choose.get(s.name) or s.choice for s in strokes):
+        return answer
+    none = replace(next((x for x in answer.candidates if x.id == "none"), Candidate(())), level=t.own)
+    before, after = error_of(t, none), error_of(t, c)
+    if not explains_nothing(before, after):
+        return answer
+    said.append(
+        f"{', '.join(s.path for s in strokes)}: no change of the material comes near what was painted (the best "
+        f"leaves {after / before:.0%} of the difference); nothing is changed"
+    )
+    before_, after_ = means_of(t, none)
+    return replace(answer, chosen=none, before=before_, after=after_)
 
 
 def _relaxed(step: NDArray, last: NDArray, share: float) -> tuple[NDArray, float]:
@@ -239,7 +284,7 @@ def _first_answer(
     none = next((c for c in candidates if c.id == "none"), Candidate(()))
     before = relative_error(tables, replace(none, level=tables.own))
     start = Answer(
-        pool, chosen, tuple(candidates), tables, {}, {}, before, before, (),
+        pool, chosen, tuple(candidates), tables, {}, {}, before, before, (), dimming(tables, candidates),
     )  # fmt: skip
     return _refit(start, evidence, painted, field, options)
 

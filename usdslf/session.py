@@ -216,7 +216,9 @@ class Session:
             with self._step("solve"):
                 direct: list[Answer] = []
                 if any(p.stroke.mode == "direct" for p in painted):
-                    rounds = infer_changes(painted, self.scene, field, options, dict(choose or {}), self.bounces)
+                    rounds = infer_changes(
+                        painted, self.scene, field, options, dict(choose or {}), self.bounces, self.warnings
+                    )
                     for number, direct in enumerate(rounds):  # noqa: B007
                         self._say("solve", (number + 1) / 4)
                 self.answers = direct

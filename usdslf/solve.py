@@ -359,10 +359,15 @@ def _median_change(t: Tables, level: int, diffuse: str, specular: str, tint: boo
     return np.zeros(3), np.clip(change, -t.f0, 1 - t.f0)
 
 
+def predicted(t: Tables, c: Candidate) -> F64:
+    """Returns the radiance (n, 3) of the dabs that a candidate gives."""
+    u, w = (t.tint_u, t.tint_w) if c.is_tint else (t.u, t.w)
+    return _predict(c, t.p, u, t.v, w)
+
+
 def _relative(t: Tables, c: Candidate) -> F64:
     """Relative residuals (n, 3) of a candidate."""
-    u, w = (t.tint_u, t.tint_w) if c.is_tint else (t.u, t.w)
-    return (_predict(c, t.p, u, t.v, w) - t.target) / t.scale
+    return (predicted(t, c) - t.target) / t.scale
 
 
 def _fit(

@@ -1,0 +1,43 @@
+"""Reach: paint that is brighter than its surface can ever be.
+
+Painters pick colours, not radiances.  Where no explanation comes near what was painted because all of it is too
+bright for the light that falls there, the hue is still meant: the paint is dimmed, all channels alike, until its
+brightest channel is what a white surface (a metal: a perfect one) would send.  That is said, with the factor.
+A change that explains next to nothing is no answer and is not authored either.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from usdslf.solve import Candidate, Tables, predicted, relative_error
+
+HOPELESS = 0.25  # relative error of the best explanation above which the paint is looked at again
+TOO_BRIGHT = 0.9  # of what was painted is sent at most
+LEAST_GAIN = 0.1  # of the residual that a change has to explain
+
+
+def dimming(t: Tables, candidates: Sequence[Candidate]) -> float:
+    """Returns the factor that brings the paint of a pool within reach; 1 where it is, or nothing would help."""
+    if min(error_of(t, c) for c in candidates) < HOPELESS:
+        return 1.0
+    brightest = t.p[:, t.own] + ((1 - t.f0) * t.v[:, t.own] if t.is_metal else (1 - t.diffuse) * t.u[:, t.own])
+    painted, sent = t.target.mean(0), brightest.mean(0)
+    lit = painted > 1e-3 * painted.max()
+    factor = float((sent[lit] / painted[lit]).min())
+    return factor if 0 < factor < TOO_BRIGHT else 1.0
+
+
+def error_of(t: Tables, c: Candidate) -> float:
+    """Relative error of a candidate; of its mean colour where every stroke has one colour only."""
+    if not t.flat.all():
+        return relative_error(t, c)
+    painted = t.target.mean(0)
+    return float(np.sqrt(np.mean(((predicted(t, c).mean(0) - painted) / (painted + 0.1 * painted.mean() + 1e-6)) ** 2)))
+
+
+def explains_nothing(before: float, after: float) -> bool:
+    """Whether a change leaves nearly all that was asked for, from its residuals."""
+    return before > HOPELESS and after > (1 - LEAST_GAIN) * before
