@@ -246,12 +246,16 @@ def stroke(
 @click.option("--bounces", type=int, default=8, show_default=True, help="Most bounces of light.")
 @click.option("--norm", type=click.Choice(NORMS), help="For all strokes; default: each stroke's own.")
 @click.option("--choose", type=Choose(), multiple=True, help="Take an alternative of the report.")
+@click.option("--mode", type=click.Choice(("override", "new", "class")), default=None,
+              help="override: all that show the material; new: a material for what was painted only; class: all "
+              "instances, by their asset's class.  Default: as each stroke's scope says.")
+@click.option("--make-preview", is_flag=True, help="Give surfaces without UsdPreviewSurface one, to edit them.")
 @_frame_options
 @settings
 def solve(
     options: Settings, stage: str, strokes: str, output: str, report: str | None, review_root: str | None,
     elements: int, directions: int, bounces: int, norm: str | None, choose: tuple[tuple[str, str], ...],
-    frame: float | None, refine: int,
+    mode: str | None, make_preview: bool, frame: float | None, refine: int,
 ) -> None:  # fmt: skip
     """Find the smallest material change that explains the strokes, and write it as a look layer."""
     from usdslf.outputs import check_place, write_json
@@ -265,11 +269,13 @@ def solve(
     if report:
         check_place(report)
     with progress(options.quiet) as say:
-        session = _open(options, stage, frame, say, refine=refine, elements=elements, bounces=bounces)
+        session = _open(
+            options, stage, frame, say, refine=refine, elements=elements, bounces=bounces, make_preview=make_preview
+        )
         for each in read_strokes(strokes, session.warnings):
             session.add_stroke(each)
         session.solve(norm, dict(choose))
-        session.author(output, strokes_path=strokes, review_root=review_root)
+        session.author(output, strokes_path=strokes, review_root=review_root, mode=mode or "")
     found = session.report()
     if report:
         write_json(report, found)

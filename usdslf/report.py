@@ -2,21 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 
 def lines_of_report(report: Mapping[str, Any]) -> Iterator[str]:
-    """Yields two lines a stroke and one an edit of a solve's report."""
+    """Yields two lines a stroke and up to two an edit of a solve's report."""
     for stroke in report["strokes"]:
         tie = "  (ambiguous)" if stroke.get("ambiguous") else ""
         yield f"{stroke['path']} on {stroke['surface']}: {stroke['inferred']} of {stroke['material']}{tie}"
         residual = f"{stroke['residual_before']:.3f} -> {stroke['residual_after']:.3f}"
         yield f"  {_changes(stroke)}; residual {residual}"
     for edit in report["edits"]:
-        loses = "" if edit["wins"] else "  (a stronger opinion hides it)"
+        loses = "" if edit["wins"] else f"  (hidden by {edit['hidden_by']}: {edit['mend']})"
         change = f"{_value(edit['before'])} -> {_value(edit['after'])}"
         yield f"{edit['prim']}.{edit['attribute']}: {change}{loses}"
+        if edit["affects"]:
+            yield f"  shown by {len(edit['affects'])}: {_some(edit['affects'])}"
+
+
+def _some(prims: Sequence[str], most: int = 3) -> str:
+    more = len(prims) - most
+    return ", ".join(prims[:most]) + (f" and {more} more" if more > 0 else "")
 
 
 def _changes(stroke: Mapping[str, Any]) -> str:

@@ -35,8 +35,9 @@ from usdslf.solve import Options
 from usdslf.strokes import Stroke
 from usdslf.usd.author import author_look, author_review_root
 from usdslf.usd.edited import open_edited
+from usdslf.usd.preview_material import make_preview as make_preview_materials
 from usdslf.usd.read import open_stage, read_scene
-from usdslf.usd.wins import AuthoredEdit
+from usdslf.usd.wins import AuthoredEdit, compose_over
 from usdslf.visibility import RayTracer, Visibility, trace_visibility
 
 Say = Callable[[str, float], None]
@@ -57,6 +58,7 @@ class Session:
         refine: int = 1,
         model: str = "preview_surface",
         say: Say | None = None,
+        make_preview: bool = False,
     ) -> None:
         """Opens the stage; steps run when they are first needed.
 
@@ -69,6 +71,7 @@ class Session:
             bounces: most bounces of the light field.
             refine: levels of subdivision.
             model: reflectance model.
+            make_preview: surfaces without UsdPreviewSurface get one that shows the same, so that they can be edited.
 
         Raises: StageError where the stage cannot be opened.
         """
@@ -76,7 +79,9 @@ class Session:
             raise InputError(f"--elements {elements} is not in 1 .. {(1 << 22) - 1}")
         if bounces < 1:
             raise InputError(f"--bounces {bounces} is less than 1")
-        self.stage = open_stage(stage) if isinstance(stage, (str, os.PathLike)) else stage
+        self.shot = open_stage(stage) if isinstance(stage, (str, os.PathLike)) else stage
+        self.made = make_preview_materials(self.shot) if make_preview else None
+        self.stage = compose_over(self.shot, self.made.layer) if self.made else self.shot
         self.frame, self.ocio = frame, ocio
         self.element_count, self.bounces, self.refine, self.model = elements, bounces, refine, model
         self._device_name = device
@@ -103,7 +108,9 @@ class Session:
         """The shot as records."""
         with self._step("read"):
             scene = read_scene(self.stage, self.frame, refine=self.refine, ocio=self.ocio)
-        self.warn(*scene.warnings)
+            root = self.shot.GetRootLayer()
+            scene = replace(scene, stage=root.realPath or root.identifier)
+        self.warn(*scene.warnings, *(self.made.warnings if self.made else ()))
         return scene
 
     @cached_property
@@ -244,7 +251,7 @@ class Session:
         Raises: InputError where the look cannot be read.
         """
         other = Session(
-            open_edited(self.stage.GetRootLayer().realPath, look), self.frame, self.device, self.ocio,
+            open_edited(self.shot.GetRootLayer().realPath, look), self.frame, self.device, self.ocio,
             self.element_count, self.bounces, self.refine, self.model, self._say,
         )  # fmt: skip
         if np.array_equal(other.scene.triangles.positions, self.scene.triangles.positions):
@@ -292,22 +299,24 @@ class Session:
                 elements=self.element_count, **options,
             )  # fmt: skip
 
-    def changes(self) -> list[MaterialChange]:
-        """Returns what `solve` found as changes of materials."""
-        return [self._change(a) for a in self.answers if a.chosen.freed]
+    def changes(self, mode: str = "") -> list[MaterialChange]:
+        """Returns what `solve` found as changes of materials; mode `new` is of painted gprims only."""
+        return [self._change(a, mode) for a in self.answers if a.chosen.freed]
 
-    def _change(self, answer: Answer) -> MaterialChange:
+    def _change(self, answer: Answer, mode: str) -> MaterialChange:
         pool, scene = answer.pool, self.scene
         active = [s for s in self.strokes if s.active]
         table = scene.triangles
         shown = np.unique(table.mesh[table.material == pool.material])
         targets = pool.targets or tuple(scene.meshes[m].path for m in shown)
         faces: dict[str, tuple[int, ...]] = {}
-        if pool.scope == "stroke":
+        if pool.scope == "stroke" or (mode == "new" and not pool.targets):
             for i in pool.strokes:
                 found = painted_faces(scene, active[i], locate_stroke(scene, active[i]))
                 for gprim, painted in found.items():
                     faces[gprim] = tuple(sorted({*faces.get(gprim, ()), *painted}))
+        if mode == "new" and not pool.targets:
+            targets, faces = tuple(p for p in targets if p in faces), {}
         return MaterialChange(
             material=scene.materials[pool.material],
             scope=pool.scope,
@@ -327,8 +336,13 @@ class Session:
         path: str | os.PathLike[str],
         strokes_path: str | os.PathLike[str] | None = None,
         review_root: str | os.PathLike[str] | None = None,
+        mode: str = "",
     ) -> list[AuthoredEdit]:
         """Writes what `solve` found as a look layer, and on request a review root over look, strokes and shot.
+
+        Args:
+            mode: override (all that show the material) | new (a material for what was painted only) | class
+                (all instances of the asset, by the class that it inherits); "": as each stroke's scope says.
 
         Raises: AuthorError where it cannot be written.
         """
@@ -342,13 +356,14 @@ class Session:
         }
         with self._step("author"):
             self.edits = author_look(
-                self.stage, self.changes(), path, provenance, strokes_path, warnings=self.warnings, color=color
-            )
+                self.shot, self.changes(mode), path, provenance, strokes_path, warnings=self.warnings, color=color,
+                mode=mode, made=self.made,
+            )  # fmt: skip
             if review_root is not None:
-                author_review_root(review_root, path, strokes_path, self.stage.GetRootLayer().realPath)
+                author_review_root(review_root, path, strokes_path, self.shot.GetRootLayer().realPath)
         for edit in self.edits:
             if not edit.wins:
-                self.warn(f"{edit.prim}.{edit.attribute} is hidden by {edit.hidden_by}")
+                self.warn(f"{edit.prim}.{edit.attribute} is hidden by {edit.hidden_by}: {edit.mend}")
         return self.edits
 
     def report(self) -> dict[str, Any]:
@@ -370,6 +385,9 @@ class Session:
                     "after": e.after,
                     "representation": e.representation,
                     "wins": e.wins,
+                    "hidden_by": e.hidden_by,
+                    "mend": e.mend,
+                    "affects": list(e.affects),
                 }
                 for e in self.edits
             ],

@@ -1,13 +1,14 @@
 """Edits -> look layer: sparse overrides that win, with where they come from; and the review root.
 
     author_look(stage, edits, out_path, provenance=None, strokes_path=None, shot_path=None, ...)
-        -> list[AuthoredEdit(prim, attribute, before, after, representation, wins, hidden_by, shown_at)]
+        -> list[AuthoredEdit]                                 wins.py: each with what hides and what shows it
     textures_folder(look) -> Path                             where textures that are baked for it go
     author_review_root(path, look, strokes, shot) -> None     subLayers = [look, strokes, shot]
     why_not_editable(prim) -> str                             "" for what can be edited, else a sentence
 
 `edits` are MaterialChanges (edits.py).  Scope `material` overrides the material in place.  Scopes `prim` and
-`stroke` make a new Material that inherits the original, unless the painted prims are all that show it.
+`stroke` make a new Material that inherits the original, unless the painted prims are all that show it.  A
+mode (change_writer.py) says otherwise for all of them.
 What each change writes: change_writer.py.  What people added to an earlier look stays: kept.py.
 """
 
@@ -15,6 +16,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
+from copy import copy
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -23,15 +25,17 @@ from pxr import Sdf, Tf, Usd, UsdShade, Vt
 
 from usdslf.edits import MaterialChange, material_change_to_input_edits
 from usdslf.errors import AuthorError, StageError
-from usdslf.usd.change_writer import ChangeWriter
+from usdslf.usd.change_writer import MODES, ChangeWriter
 from usdslf.usd.files import relative_path, write_layer
 from usdslf.usd.kept import RECORD, added_by_hand, put_under, record_of, what_is_by_hand
 from usdslf.usd.look_layer import LookLayer, bound_relationship, preview_surface
 from usdslf.usd.notes import Notes
+from usdslf.usd.preview_material import PreviewMaterials, edited_ones, write_made
 from usdslf.usd.provenance import layer_data
+from usdslf.usd.reach import final_renders
 from usdslf.usd.read import quiet_usd
 from usdslf.usd.shot_metadata import ROOT_ONLY, copy_shot_metadata, default_prim_name, shot_files
-from usdslf.usd.wins import AuthoredEdit, with_wins
+from usdslf.usd.wins import AuthoredEdit, compose_over, with_wins
 
 if TYPE_CHECKING:
     from usdslf.color import Color
@@ -47,6 +51,8 @@ def author_look(
     *,
     warnings: list[str] | None = None,
     color: Color | None = None,
+    mode: str = "",
+    made: PreviewMaterials | None = None,
 ) -> list[AuthoredEdit]:
     """Writes the edits as a look layer, and finds out whether each of them wins.
 
@@ -58,13 +64,15 @@ def author_look(
         strokes_path, shot_path: files; recorded relative to the look layer.
         warnings: takes a sentence for each thing that is odd.
         color: its working space is that of the edits; None: taken as the space of the inputs.
+        mode: "" | override | new | class: which prims take the edits, see change_writer.py.
+        made: new materials that the edits may be of; those that are edited go into the look.
 
     Raises:
         AuthorError: an edit cannot be written, or the file cannot.
     """
     said = warnings if warnings is not None else []
     with quiet_usd():
-        return _author(stage, edits, Path(out_path), provenance, strokes_path, shot_path, said, color)
+        return _author(stage, edits, Path(out_path), provenance, strokes_path, shot_path, said, color, mode, made)
 
 
 def _author(
@@ -76,10 +84,13 @@ def _author(
     shot_path: str | os.PathLike[str] | None,
     said: list[str],
     color: Color | None,
+    mode: str,
+    made: PreviewMaterials | None,
 ) -> list[AuthoredEdit]:
+    assert mode in ("", *MODES), mode
     earlier = _earlier_look(stage, out)
     by_hand = added_by_hand(earlier) if earlier else Sdf.Layer.CreateAnonymous(".usda")
-    look = LookLayer(stage, by_hand)
+    look = LookLayer(compose_over(stage, made.layer) if made else stage, by_hand)
     written: list[AuthoredEdit] = []
     bindings: dict[int, list[tuple[Sdf.Path, Sdf.Path]]] = {}
     for change in edits:
@@ -87,12 +98,14 @@ def _author(
         if not inputs:
             continue
         first = len(written)
-        writer = ChangeWriter(look, change, out.parent, said, color)
+        writer = ChangeWriter(look, change, out.parent, said, color, mode)
         written += [e for edit in inputs for e in writer.write(edit)]
         if len(written) > first:
             writer.write_provenance()
         for i in range(first, len(written)):
             bindings[i] = writer.bound
+    if made:
+        said += _write_made(stage, look, made)
     with Sdf.ChangeBlock():
         copy_shot_metadata(stage, look.layer)
         if name := default_prim_name(stage):
@@ -104,9 +117,28 @@ def _author(
     layer, lost = put_under(by_hand, look.layer)
     _say_what_is_kept(by_hand, lost, out, said)
     why = f"what was changed by hand in {out.name}"
-    written = [replace(e, hidden_by=why) if _place(e) in lost else e for e in written]
+    mend = f"remove it from {out.name}, then solve again"
+    written = [replace(e, hidden_by=why, mend=mend) if _place(e) in lost else e for e in written]
     write_layer(layer, out)
-    return with_wins(stage, layer, written, bindings)
+    for (at, group, chosen), path in look.variants.items():
+        said.append(f"{path} is edited in the variant {group}={chosen} of {at} only: other variants stay.")
+    review = compose_over(stage, layer)
+    written = with_wins(review, layer, written, bindings)
+    said += final_renders(review, dict.fromkeys(p for e in written for p in e.affects))
+    return written
+
+
+def _write_made(stage: Usd.Stage, look: LookLayer, made: PreviewMaterials) -> list[str]:
+    """Writes the new materials that were edited, as the shot has none; says which gprims they are for."""
+    plain = copy(look)
+    plain.stage = stage
+    edited, inherited = edited_ones(made, look.layer)
+    write_made(plain, made.made, edited, inherited)
+    notes = Notes()
+    for each in made.made:
+        if each.material in edited | inherited:
+            notes.add(f"{each.material} is new: a UsdPreviewSurface that shows what {{}} showed", each.prim)
+    return notes.sentences()
 
 
 def _place(edit: AuthoredEdit) -> Sdf.Path:

@@ -1,8 +1,12 @@
 """Writes one solved change into a look layer: the material that it goes to, and the place of each input.
 
-    ChangeWriter(look, change, folder, said, color).write(edit) -> list[AuthoredEdit]
-                                           .write_provenance()
+    ChangeWriter(look, change, folder, said, color, mode).write(edit) -> list[AuthoredEdit]
+                                                 .write_provenance()
 
+Modes: `override` changes the material where it is, for all that show it (of an instance: this instance);
+`new` makes a Material that inherits it, for what was painted only; `class` writes to the class that the
+asset inherits, for all its instances; "" is `override` for the scope `material`, else `new` if others show
+the material too.
 Where to write: network.py for what drives an input, look_layer.py for instances.
 """
 
@@ -16,6 +20,7 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, Vt
 
 from usdslf.edits import InputEdit, MaterialChange, Reflectance, inferred
 from usdslf.errors import AuthorError
+from usdslf.usd.arcs import class_of
 from usdslf.usd.files import relative_path
 from usdslf.usd.look_layer import LookLayer, bound_relationship, shader_of, users_of
 from usdslf.usd.network import (
@@ -37,6 +42,7 @@ if TYPE_CHECKING:
     from usdslf.color import Color
 
 SCOPE = "SlfMaterials"
+MODES = ("override", "new", "class")
 Names = Sdf.ValueTypeNames
 
 
@@ -44,8 +50,9 @@ class ChangeWriter:
     """Writes the inputs of one change: finds or makes the material that they go to."""
 
     def __init__(
-        self, look: LookLayer, change: MaterialChange, folder: Path, said: list[str], color: Color | None
-    ) -> None:
+        self, look: LookLayer, change: MaterialChange, folder: Path, said: list[str], color: Color | None,
+        mode: str = "",
+    ) -> None:  # fmt: skip
         self.look, self.change, self.said, self.color = look, change, said, color
         self.folder = folder  # of the look layer: files are named from there
         self.original = Sdf.Path(change.material.path)
@@ -53,8 +60,19 @@ class ChangeWriter:
         self.bound: list[tuple[Sdf.Path, Sdf.Path]] = []  # prim and the material that it should show
         self.material = self.original
         self.users: list[Usd.Prim] | None = None
-        if change.scope in ("prim", "stroke"):
+        self.mode = mode
+        if mode == "class":
+            self.look = self._class_view()
+        elif mode == "new" or (not mode and change.scope in ("prim", "stroke")):
             self._narrow()
+
+    def _class_view(self) -> LookLayer:
+        """The look layer, written to by the class that the material's asset inherits."""
+        found = class_of(self.look.stage.GetPrimAtPath(self.original))
+        if found is None:
+            say = f"{self.original} and what is above it inherit no class"
+            raise AuthorError(f"{say}: solve with --mode override or --mode new.")
+        return self.look.in_class(*found)
 
     # ---- the material ----------------------------------------------------------------------
     def _narrow(self) -> None:
@@ -66,11 +84,12 @@ class ChangeWriter:
             raise AuthorError(f"{names} does not show {self.original}: open the stage that was painted.")
         self.users = users_of(stage, self.original)
         whole = not faces or self.change.scope == "prim"
-        if whole and {p.GetPath() for p in self.users} <= {p.GetPath() for p in targets}:
+        if whole and self.mode != "new" and {p.GetPath() for p in self.users} <= {p.GetPath() for p in targets}:
             return
         first = targets[0] if not targets[0].IsA(UsdGeom.Subset) else targets[0].GetParent()
         home = self._instance_root(self.original)
-        scope = home.GetParentPath().AppendChild(SCOPE)
+        beside = home.GetParentPath()
+        scope = beside if beside.name == SCOPE else beside.AppendChild(SCOPE)
         name = f"{self.original.name}_{first.GetName()}"
         self.material = self.look.free_path(scope.AppendChild(name))
         if not stage.GetPrimAtPath(scope):
@@ -84,10 +103,29 @@ class ChangeWriter:
         self.users = targets
 
     def _bind(self, paths: list[Sdf.Path], like: Usd.Prim | None = None) -> None:
+        bound: set[Sdf.Path] = set()
         for path in paths:
+            instance = self._wholly_painted(path, paths)
+            if instance is not None:
+                if instance not in bound:
+                    relationship = bound_relationship(self.look.stage.GetPrimAtPath(path))[1]
+                    self.look.bind(instance, relationship, self.material, is_stronger=True)
+                    bound.add(instance)
+                self.bound.append((path, self.material))
+                continue
             relationship = bound_relationship(like or self.look.stage.GetPrimAtPath(path))[1]
             self.look.bind(path, relationship, self.material)
             self.bound.append((path, self.material))
+
+    def _wholly_painted(self, path: Sdf.Path, paths: list[Sdf.Path]) -> Sdf.Path | None:
+        """The instance that a gprim is in, if all of it is to show the new material: one binding says so."""
+        root = self._instance_root(path) if self.look.stage.GetPrimAtPath(path) else path
+        if root == path:
+            return None
+        below = Usd.PrimRange(self.look.stage.GetPrimAtPath(root), Usd.TraverseInstanceProxies())
+        shown = [p for p in below if p.IsA(UsdGeom.Gprim)]
+        parts = [s.GetPrim() for p in shown for s in UsdShade.MaterialBindingAPI(p).GetMaterialBindSubsets()]
+        return root if {p.GetPath() for p in (*shown, *parts)} <= set(paths) else None
 
     def _bind_faces(self, mesh: Usd.Prim, showing: list[Usd.Prim]) -> None:
         """Binds the painted faces of a mesh, of what of it shows the original: itself and GeomSubsets."""
@@ -147,7 +185,8 @@ class ChangeWriter:
             why = f"{attribute.GetPath()} drives it, which usdslf cannot change"
             self.said.append(f"{path} stays as it is: {why}.")
             at = str(path.GetPrimPath())
-            return [AuthoredEdit(at, path.name, edit.before, edit.after, "constant", False, why, str(path))]
+            mend = f"connect {path} to a UsdUVTexture or a UsdPrimvarReader, or to nothing"
+            return [AuthoredEdit(at, path.name, edit.before, edit.after, "constant", False, why, str(path), mend)]
         if others:
             self.said.append(f"{path} also drives {', '.join(others)}, which change with it.")
         if attribute is not None and attribute.ValueMightBeTimeVarying():
@@ -165,7 +204,7 @@ class ChangeWriter:
         if same_value(before, after):
             return []
         shown = self._moved(path)
-        spec = self.look.over(shown.GetPrimPath())
+        spec = self.look.over(shown.GetPrimPath(), path.name)
         self.look.put(spec, path.name, kind, after)
         old, new = plain(before), plain(after)
         return [AuthoredEdit(str(spec.path), path.name, old, new, how, shown_at=str(shown))]
@@ -197,7 +236,9 @@ class ChangeWriter:
             Sdf.AttributeSpec(new, output, kind, declaresCustom=False)
         there = look.stage.GetAttributeAtPath(reader.AppendProperty(f"inputs:{name}"))
         kind = there.GetTypeName() if there else NEW_TYPES.get(name, kind)
-        spec = Sdf.AttributeSpec(look.over(self._moved(reader)), f"inputs:{name}", kind, declaresCustom=False)
+        spec = Sdf.AttributeSpec(
+            look.over(self._moved(reader), f"inputs:{name}"), f"inputs:{name}", kind, declaresCustom=False
+        )
         spec.connectionPathList.ClearEditsAndMakeExplicit()
         spec.connectionPathList.explicitItems = [look.place(self._moved(node)).AppendProperty(output)]
 
@@ -234,7 +275,7 @@ class ChangeWriter:
                 path = copied.AppendProperty(f"inputs:{name}")
             written += self._put(path, kind, attribute.Get() if attribute else None, value, "texture")
             if name == "file" and written:
-                spec = self.look.over(self._moved(path.GetPrimPath())).attributes[path.name]
+                spec = self.look.over(self._moved(path.GetPrimPath()), path.name).attributes[path.name]
                 spec.colorSpace = baked.color_space
         return written
 
@@ -267,7 +308,7 @@ class ChangeWriter:
             if values is None:
                 continue
             mapped = np.asarray(values) * np.array(edit.scale) + np.array(edit.bias)
-            over = self.look.over(gprim.GetPath())
+            over = self.look.over(gprim.GetPath(), f"primvars:{name}")
             kept = type(values).FromNumpy(mapped.astype(np.float32))
             spec = self.look.put(over, f"primvars:{name}", primvar.GetTypeName(), kept)
             spec.SetInfo("interpolation", primvar.GetInterpolation())

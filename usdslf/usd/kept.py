@@ -22,7 +22,7 @@ from pxr import Sdf
 RECORD = "written"
 _OURS = "usdslf"  # of customData
 _KEY = f"customData:{_OURS}"
-_STRUCTURE = ("specifier",)  # of a prim: says nothing by itself if it is `over`
+_STRUCTURE = ("specifier", "variantSetNames")  # of a prim: say nothing by themselves if it is an `over`
 
 
 def record_of(layer: Sdf.Layer) -> list[str]:
@@ -54,13 +54,26 @@ def added_by_hand(earlier: Sdf.Layer) -> Sdf.Layer:
             if written is None:
                 continue
             unchanged = {k for k, v in _digests(spec).items() if written.get(k) == v}
+            unchanged.discard("variantSetNames")  # goes with the last variant
             if any(p.name.startswith("material:binding") for p in spec.properties):
                 unchanged.discard("apiSchemas")  # a binding that stays needs its schema
             _take_out(spec, unchanged)
-            if not (_says(spec) or len(spec.properties) or len(spec.nameChildren) or len(spec.variantSets)):
+            _drop_variants(spec, ours)
+            if _is_bare(spec) and not spec.path.IsPrimVariantSelectionPath():
                 siblings = spec.nameParent.nameChildren if spec.nameParent else layer.rootPrims
                 del siblings[spec.name]
     return layer
+
+
+def _drop_variants(spec: Sdf.PrimSpec, ours: dict[str, dict[str, str]]) -> None:
+    """Takes out our variants that hold nothing any more, and sets without variants."""
+    for name, group in list(spec.variantSets.items()):
+        for variant in list(group.variants.values()):
+            if str(variant.path) in ours and _is_bare(variant.primSpec):
+                group.RemoveVariant(variant)
+        if not len(group.variants):
+            del spec.variantSets[name]
+            spec.variantSetNameList.RemoveItemEdits(name)
 
 
 def put_under(by_hand: Sdf.Layer, new: Sdf.Layer) -> tuple[Sdf.Layer, list[Sdf.Path]]:
@@ -90,17 +103,21 @@ def put_under(by_hand: Sdf.Layer, new: Sdf.Layer) -> tuple[Sdf.Layer, list[Sdf.P
 def what_is_by_hand(by_hand: Sdf.Layer) -> list[Sdf.Path]:
     """Returns the prims and properties that a person said something about."""
     specs = list(_specs(by_hand))
-    return [s.path for s in specs if isinstance(s, Sdf.PropertySpec) or _says(s) or len(s.variantSets)]
+    empty = [s for s in specs if s.path.IsPrimVariantSelectionPath() and _is_bare(s)]
+    return [s.path for s in specs if isinstance(s, Sdf.PropertySpec) or _says(s) or s in empty]
 
 
 def _specs(layer: Sdf.Layer) -> Iterator[Sdf.PrimSpec | Sdf.PropertySpec]:
-    """Prims before what is in them, in the order of the layer; not what is inside variants."""
+    """Prims before what is in them, in the order of the layer; variants as prims of their own."""
 
     def below(prim: Sdf.PrimSpec) -> Iterator[Sdf.PrimSpec | Sdf.PropertySpec]:
         yield prim
         yield from list(prim.properties)
         for child in list(prim.nameChildren):
             yield from below(child)
+        for group in list(prim.variantSets.values()):
+            for variant in list(group.variants.values()):
+                yield from below(variant.primSpec)
 
     for root in list(layer.rootPrims):
         yield from below(root)
@@ -145,7 +162,11 @@ def _take_out(spec: Sdf.PrimSpec, names: set[str]) -> None:
 
 def _says(spec: Sdf.PrimSpec) -> bool:
     """Whether a prim spec is more than a place for what is in it."""
-    return spec.specifier != Sdf.SpecifierOver or set(spec.ListInfoKeys()) > set(_STRUCTURE)
+    return spec.specifier != Sdf.SpecifierOver or bool(set(spec.ListInfoKeys()) - set(_STRUCTURE))
+
+
+def _is_bare(spec: Sdf.PrimSpec) -> bool:
+    return not (_says(spec) or len(spec.properties) or len(spec.nameChildren) or len(spec.variantSets))
 
 
 def _tells(layer: Sdf.Layer) -> bool:
@@ -171,5 +192,5 @@ def _fill(spec: Sdf.PrimSpec, there: Sdf.PrimSpec) -> None:
         elif name == "specifier":
             if there.specifier == Sdf.SpecifierOver:
                 there.specifier = spec.specifier
-        elif name not in known:
+        elif name != "variantSetNames" and name not in known:  # said where a variant is made
             there.SetInfo(name, spec.GetInfo(name))

@@ -1,24 +1,28 @@
 """A look layer while it is written: opinions put where they win, also for what lies inside instances.
 
-    LookLayer(stage).place(path) -> Sdf.Path       where an opinion about a composed prim has to be written
-                    .over(path) -> Sdf.PrimSpec    the `over` there
-                    .put(prim, name, type, value)  an attribute opinion
-                    .bind(prim, material)          a binding that replaces the one that shows
-                    .subset(gprim, name, faces)    faces as a GeomSubset for a binding
+    LookLayer(stage).place(path) -> Sdf.Path        where an opinion about a composed prim has to be written
+                    .over(path, name) -> PrimSpec   the `over` there
+                    .put(prim, name, type, value)   an attribute opinion
+                    .bind(prim, material)           a binding that replaces the one that shows
+                    .subset(gprim, name, faces)     faces as a GeomSubset for a binding
+                    .in_class(prim, class)          the same layer, written to by the class of an asset
 
 USD discards overs below an instance.  So an opinion about a prim inside an instance goes to a class at the
 root of the layer that the instance inherits: this instance changes and no other.  Instances inside
-instances get a class each.
+instances get a class each.  What a variant holds is overridden inside this variant: the others stay.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from copy import copy
 from typing import Any
 
 import numpy as np
 from pxr import Sdf, Usd, UsdGeom, UsdShade, Vt
 
 from usdslf.errors import AuthorError
+from usdslf.usd.arcs import Variants, in_variants, variants_of
 
 _BINDING = "material:binding"
 _FAMILY = "subsetFamily:materialBind:familyType"
@@ -31,10 +35,22 @@ class LookLayer:
         """By hand: opinions that will be in the layer too, whose prims are not to be met by chance."""
         self.stage, self.by_hand = stage, by_hand
         self.layer = Sdf.Layer.CreateAnonymous(".usda")
+        self.variants: dict[tuple[Sdf.Path, str, str], Sdf.Path] = {}  # that were written in: a prim there
+        self._defined: set[Sdf.Path] = set()
+        self._classes: tuple[tuple[Sdf.Path, Sdf.Path], ...] = ()  # prim and the class that stands for it
+
+    def in_class(self, prim: Sdf.Path, base: Sdf.Path) -> LookLayer:
+        """Returns this layer with opinions about `prim` and what is below written to a class that it inherits."""
+        view = copy(self)
+        view._classes = ((prim, base),)
+        return view
 
     # ---- places ----------------------------------------------------------------------------
     def place(self, path: Sdf.Path) -> Sdf.Path:
         """Returns the path in this layer at which an opinion about a composed prim or property counts."""
+        for prim, base in self._classes:
+            if path.HasPrefix(prim):
+                return path.ReplacePrefix(prim, base)
         instance = self._instance_above(path.GetPrimPath())
         if instance.isEmpty:
             return path
@@ -45,14 +61,33 @@ class LookLayer:
             self.over(instance).inheritPathList.Prepend(base)
         return path.ReplacePrefix(instance, base)
 
-    def over(self, path: Sdf.Path) -> Sdf.PrimSpec:
-        """Returns the spec for opinions on a composed prim; `over`s where there is none yet."""
-        return Sdf.CreatePrimInLayer(self.layer, self.place(path))
+    def over(self, path: Sdf.Path, name: str = "") -> Sdf.PrimSpec:
+        """Returns the spec for opinions on a composed prim, or on its property of a name.
+
+        `over`s where there is none yet; inside the variants that hold what shows now.
+        """
+        place = self.place(path)
+        lower = len(path.GetPrefixes()) - len(place.GetPrefixes())  # how much a class takes off the path
+        here = []
+        for at, group, chosen in self._variants_at(path, name):
+            steps = len(at.GetPrefixes()) - lower
+            if steps > 0:
+                here.append((place.GetPrefixes()[steps - 1], group, chosen))
+                self.variants.setdefault((at, group, chosen), path)
+        return Sdf.CreatePrimInLayer(self.layer, in_variants(place, tuple(here)))
+
+    def _variants_at(self, path: Sdf.Path, name: str) -> Variants:
+        prim = self.stage.GetPrimAtPath(path)
+        if prim:
+            return variants_of(prim, name)
+        parent = path.GetParentPath()  # of a new prim
+        return self._variants_at(parent, "") if parent != Sdf.Path.absoluteRootPath else ()
 
     def define(self, path: Sdf.Path, type_name: str) -> Sdf.PrimSpec:
         """Returns a new prim that the shot does not have, below composed prims."""
         spec = self.over(path)
         spec.specifier, spec.typeName = Sdf.SpecifierDef, type_name
+        self._defined.add(path)
         return spec
 
     def free_path(self, path: Sdf.Path) -> Sdf.Path:
@@ -67,7 +102,8 @@ class LookLayer:
         added = self.by_hand.GetPrimAtPath(path) if self.by_hand else None
         if added is not None and added.specifier == Sdf.SpecifierDef:
             return True
-        return bool(self.stage.GetPrimAtPath(path) or self.layer.GetPrimAtPath(path))
+        taken = self.stage.GetPrimAtPath(path) or self.layer.GetPrimAtPath(path)
+        return bool(taken) or path in self._defined
 
     def _instance_above(self, path: Sdf.Path) -> Sdf.Path:
         for ancestor in reversed(path.GetPrefixes()[:-1]):
@@ -83,13 +119,20 @@ class LookLayer:
         spec.default = value
         return spec
 
-    def bind(self, target: Sdf.Path, relationship: str, material: Sdf.Path) -> None:
-        """Binds a material to a gprim or GeomSubset by the relationship whose binding shows there."""
-        spec = self.over(target)
+    def bind(
+        self, target: Sdf.Path, relationship: str, material: Sdf.Path, is_stronger: bool = False
+    ) -> None:
+        """Binds a material by the relationship whose binding shows there.
+
+        Stronger: also for all that is below, whatever is bound there.
+        """
+        spec = self.over(target, relationship)
         spec.SetInfo("apiSchemas", Sdf.TokenListOp.Create(prependedItems=["MaterialBindingAPI"]))
         rel = spec.relationships.get(relationship) or Sdf.RelationshipSpec(spec, relationship, custom=False)
         rel.targetPathList.ClearEditsAndMakeExplicit()
         rel.targetPathList.explicitItems = [material]
+        if is_stronger:
+            rel.SetInfo("bindMaterialAs", UsdShade.Tokens.strongerThanDescendants)
 
     def subset(self, mesh: Usd.Prim, name: str, faces: np.ndarray, material: Sdf.Path) -> list[Sdf.Path]:
         """Makes GeomSubsets of the painted faces that show a material now; returns their paths.
@@ -105,14 +148,14 @@ class LookLayer:
             if bound_relationship(old.GetPrim())[0] != material or not inside.any():
                 continue
             kept = Vt.IntArray.FromNumpy(indices[~inside].astype(np.int32))
-            self.put(self.over(old.GetPath()), "indices", Sdf.ValueTypeNames.IntArray, kept)
+            self.put(self.over(old.GetPath(), "indices"), "indices", Sdf.ValueTypeNames.IntArray, kept)
             new.append(self._subset(mesh, f"{name}_{old.GetPrim().GetName()}", indices[inside]))
         free = np.setdiff1d(faces, taken)
         if len(free) and bound_relationship(mesh)[0] == material:
             new.append(self._subset(mesh, name, free))
         family = mesh.GetAttribute(_FAMILY)
         if new and (not family or family.Get() not in ("partition", "nonOverlapping")):
-            over = self.over(mesh.GetPath())
+            over = self.over(mesh.GetPath(), _FAMILY)
             token = Sdf.AttributeSpec(over, _FAMILY, Sdf.ValueTypeNames.Token, Sdf.VariabilityUniform)
             token.default = "nonOverlapping"
         return new
@@ -155,12 +198,29 @@ def preview_surface(material: UsdShade.Material) -> UsdShade.Shader | None:
 
 def users_of(stage: Usd.Stage, material: Sdf.Path) -> list[Usd.Prim]:
     """Returns the gprims and GeomSubsets that show a material; instance proxies too."""
-    found = []
-    for prim in Usd.PrimRange(stage.GetPseudoRoot(), Usd.TraverseInstanceProxies()):
-        if prim.IsA(UsdGeom.Gprim):
-            subsets = [s.GetPrim() for s in UsdShade.MaterialBindingAPI(prim).GetMaterialBindSubsets()]
-            found += [p for p in (prim, *subsets) if bound_relationship(p)[0] == material]
-    return found
+    return [p for gprim in gprims_of(stage) for p in parts_of(gprim) if bound_relationship(p)[0] == material]
+
+
+def parts_of(gprim: Usd.Prim) -> list[Usd.Prim]:
+    """Returns a gprim and its GeomSubsets that bind materials."""
+    return [gprim, *(s.GetPrim() for s in UsdShade.MaterialBindingAPI(gprim).GetMaterialBindSubsets())]
+
+
+def gprims_of(stage: Usd.Stage) -> Iterator[Usd.Prim]:
+    """Yields all gprims: instance proxies too, and prototypes of PointInstancers below an `over` or a class."""
+    seen: set[Sdf.Path] = set()
+    anywhere = Usd.TraverseInstanceProxies(Usd.PrimIsActive & Usd.PrimIsLoaded)
+    todo = [(stage.GetPseudoRoot(), Usd.TraverseInstanceProxies())]
+    while todo:
+        root, predicate = todo.pop()
+        for prim in Usd.PrimRange(root, predicate) if root else ():
+            if prim.IsA(UsdGeom.Gprim) and prim.GetPath() not in seen:
+                seen.add(prim.GetPath())
+                yield prim
+            elif prim.IsA(UsdGeom.PointInstancer) and prim.GetPath() not in seen:
+                seen.add(prim.GetPath())
+                targets = UsdGeom.PointInstancer(prim).GetPrototypesRel().GetForwardedTargets()
+                todo += [(stage.GetPrimAtPath(t), anywhere) for t in targets]
 
 
 def shader_of(stage: Usd.Stage, material: Sdf.Path) -> UsdShade.Shader:

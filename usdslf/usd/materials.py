@@ -67,12 +67,12 @@ class MaterialTable:
             reason = f"no UsdPreviewSurface (but {outputs}) in {{}}: displayColor, else grey, is shown"
             why = (
                 f"{path} has no UsdPreviewSurface (it has {outputs}): bind a new UsdPreviewSurface "
-                f"material, final renders by other contexts would not follow it"
+                f"material (--make-preview makes one), final renders by other contexts would not follow it"
             )
             return self._stand_in(prim, str(path), why, (reason, str(path)))
         what = "the binding of {} names no material" if _has_binding(prim) else "no material is bound to {}"
         note = (f"{what}: displayColor, else grey, is shown", str(prim.GetPath()))
-        why = "no material is bound: bind a UsdPreviewSurface material first"
+        why = "no material is bound: bind a UsdPreviewSurface material first (--make-preview makes one)"
         return self._stand_in(prim, "", why, note)
 
     def used(self, meshes: list[Mesh]) -> tuple[list[Mesh], list[Material]]:

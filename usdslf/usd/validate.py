@@ -30,11 +30,12 @@ from pxr import Sdf, Sdr, Usd, UsdShade
 
 from usdslf.color import color_of
 from usdslf.errors import StrokeError, UsdslfError
+from usdslf.usd.arcs import inherited_classes
 from usdslf.usd.look_layer import bound_relationship
 from usdslf.usd.provenance import stale
 from usdslf.usd.read import quiet_usd, read_scene
 from usdslf.usd.stroke_layer import SCOPE, read_strokes
-from usdslf.usd.wins import hidden_by
+from usdslf.usd.wins import why_hidden
 
 if TYPE_CHECKING:
     from usdslf.scene import Scene
@@ -134,6 +135,9 @@ class _Look:
                 if base.IsRootPrimPath() and self.layer.GetPrimAtPath(base):
                     self.users[base] = child.path
             self._find_classes(child)
+            for group in child.variantSets.values():
+                for variant in group.variants.values():
+                    self._find_classes(variant.primSpec)
 
     def findings(self) -> Iterator[Finding]:
         """Yields what is wrong."""
@@ -142,15 +146,24 @@ class _Look:
         space = self.layer.customLayerData["usdslf"].get("workingSpace", "")
         if space and not self.color.knows(str(space)):
             yield self._unknown_space(Sdf.Path.absoluteRootPath, str(space))
+        undefined = [s.path for s in self.layer.rootPrims if not self._is_there_prim(self.shown(s.path))]
+        if undefined:  # perhaps the class of an asset, which only instances show
+            classes = inherited_classes(self.stage)
+            self.users |= {base: user for base, user in classes.items() if base.GetPrefixes()[0] in undefined}
         for spec in self.layer.rootPrims:
             yield from self._of_prim(spec)
+
+    def _is_there_prim(self, path: Sdf.Path) -> bool:
+        prim = self.stage.GetPrimAtPath(path)
+        return bool(prim) and (prim.IsDefined() or prim.IsAbstract())
 
     def _finding(self, name: str, path: Any, message: str) -> Finding:
         return Finding(name, str(path), message, self.file)
 
     def shown(self, path: Sdf.Path) -> Sdf.Path:
         """The composed path of what is written in a class for an instance."""
-        while (base := path.GetPrefixes()[0]) in self.users:
+        path = path.StripAllVariantSelections()
+        while base := next((p for p in path.GetPrefixes() if p in self.users), None):
             path = path.ReplacePrefix(base, self.users[base])
         return path
 
@@ -162,7 +175,11 @@ class _Look:
                 "DanglingOver", path, f"No instance inherits {path} of {self.file}: remove it."
             )
             return
-        if not prim or not (prim.IsDefined() or prim.IsAbstract()):
+        if path not in self.users and any(base.HasPrefix(path) for base in self.users):
+            for child in spec.nameChildren:  # of a scope of classes
+                yield from self._of_prim(child)
+            return
+        if not self._is_there_prim(path):
             say = f"{path} of {self.file} is not in the shot: renamed, removed, or in a variant that is not chosen."
             yield self._finding("DanglingOver", path, say)
             return
@@ -180,14 +197,19 @@ class _Look:
             yield from self._of_relationship(prim, relationship)
         for child in spec.nameChildren:
             yield from self._of_prim(child)
+        for group in spec.variantSets.values():
+            chosen = prim.GetVariantSet(group.name).GetVariantSelection()
+            if chosen in group.variants:
+                yield from self._of_prim(group.variants[chosen].primSpec)
 
     def _is_discarded(self, written: Sdf.Path, path: Sdf.Path) -> bool:
         """Whether an over is below an instance, but not in the class that this instance inherits."""
-        home = written.GetPrefixes()[0]
-        if written == home and home in self.users:
+        written = written.StripAllVariantSelections()
+        home = next((p for p in written.GetPrefixes() if p in self.users), None)
+        if written == home:
             return False
         above = [p for p in path.GetPrefixes()[:-1] if self.stage.GetPrimAtPath(p).IsInstance()]
-        return bool(above) and above[-1] != (self.shown(home) if home in self.users else None)
+        return bool(above) and above[-1] != (self.shown(home) if home else None)
 
     def _missing(self, path: Sdf.Path, what: str, target: Sdf.Path) -> Finding:
         say = f"{path} of {self.file} {what} {target}, which is not there: renamed or removed."
@@ -201,8 +223,10 @@ class _Look:
         if self._is_lost_input(prim, spec):
             say = f"{path} of {self.file} is read by nothing: the input was renamed or removed in the shot."
             yield self._finding("DanglingInput", path, say)
-        elif spec.HasDefaultValue() and (by := hidden_by(self.stage, self.layer, spec.path, path)):
-            yield self._finding("HiddenEdit", path, f"{path} of {self.file} is hidden by {by}.")
+        elif spec.HasDefaultValue():
+            by, mend = why_hidden(self.stage, self.layer, spec.path, path)
+            if by:
+                yield self._finding("HiddenEdit", path, f"{path} of {self.file} is hidden by {by}: {mend}.")
         yield from self._of_value(prim, path, spec)
 
     def _is_lost_input(self, prim: Usd.Prim, spec: Sdf.AttributeSpec) -> bool:

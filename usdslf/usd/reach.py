@@ -1,0 +1,77 @@
+"""Which gprims show what a look layer says, and in which final renders they do not.
+
+    gprims_reached(review, layer) -> {spec path: gprims}         for each prim of the layer that shows somewhere
+    final_renders(review, gprims) -> list[str]                   sentences on renders that do not see an edit
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from pxr import Sdf, Usd, UsdShade
+
+from usdslf.usd.look_layer import bound_relationship, gprims_of, parts_of
+from usdslf.usd.notes import Notes
+
+
+def gprims_reached(review: Usd.Stage, layer: Sdf.Layer) -> dict[Sdf.Path, list[str]]:
+    """Returns for each prim spec of a layer the gprims and GeomSubsets that it is part of the look of."""
+    said_by: dict[Sdf.Path, set[Sdf.Path]] = {}  # material -> specs of the layer
+    found: dict[Sdf.Path, list[str]] = {}
+    for gprim in gprims_of(review):
+        for part in parts_of(gprim):
+            specs = _specs(part, layer)
+            material = review.GetPrimAtPath(bound_relationship(part)[0])
+            if material:
+                key = (material.GetPrimInPrototype() if material.IsInstanceProxy() else material).GetPath()
+                if key not in said_by:
+                    said_by[key] = {s for p in _network(material) for s in _specs(p, layer)}
+                specs = specs | said_by[key]
+            for spec in specs:
+                found.setdefault(spec, []).append(str(part.GetPath()))
+    return found
+
+
+def _specs(prim: Usd.Prim, layer: Sdf.Layer) -> set[Sdf.Path]:
+    return {s.path for s in prim.GetPrimStack() if s.layer == layer}
+
+
+def _network(material: Usd.Prim) -> list[Usd.Prim]:
+    """The prims of a material and those that it is connected to elsewhere."""
+    stage = material.GetStage()
+    todo, seen = list(Usd.PrimRange(material, Usd.TraverseInstanceProxies())), {}
+    while todo:
+        prim = todo.pop()
+        if not prim or prim.GetPath() in seen:
+            continue
+        seen[prim.GetPath()] = prim
+        for attribute in prim.GetAuthoredAttributes():
+            todo += [stage.GetPrimAtPath(c.GetPrimPath()) for c in attribute.GetConnections()]
+    return list(seen.values())
+
+
+def final_renders(review: Usd.Stage, gprims: Iterable[str]) -> list[str]:
+    """Returns a sentence for each kind of final render that does not see an edit of what gprims show."""
+    notes = Notes()
+    for path in gprims:
+        prim = review.GetPrimAtPath(path)
+        shown = bound_relationship(prim)[0]
+        full = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial(UsdShade.Tokens.full)[0]
+        if full and full.GetPath() != shown:
+            where = ", ".join(_contexts(full)) or "any renderer"
+            notes.add(
+                f"final renders of {{}} by {where} show {full.GetPath()}, bound for purpose full, "
+                "and do not see the edit", path,
+            )  # fmt: skip
+        elif full and (others := [c for c in _contexts(full) if c]):
+            where = ", ".join(others)
+            notes.add(
+                f"final renders of {{}} by {where} use another surface of {shown} and do not see the edit", path
+            )
+    return notes.sentences()
+
+
+def _contexts(material: UsdShade.Material) -> list[str]:
+    """The render contexts, but the universal one, that a material has a surface of its own for."""
+    named = [(o.GetBaseName().rpartition(":")[0], o) for o in material.GetSurfaceOutputs()]
+    return [name for name, output in named if name and output.HasConnectedSource()]
