@@ -100,9 +100,9 @@ class LightField:
         self._e_pi_d = device.empty((CHUNK_BLOCKS, 3, LANES), np.float32)
         self._difference_d = device.empty((n, 2), np.float32)
         z = bin_directions()[:, 2]
-        self._cosine_d = device.upload((z / z.sum()).astype(np.float32))
+        self.cosine_d = device.upload((z / z.sum()).astype(np.float32))
         y, y_scale = fresnel_diffuse(device, model)
-        self._y_d, self._y_scale_d = device.upload(y), device.upload(y_scale)
+        self.y_d, self.y_scale_d = device.upload(y), device.upload(y_scale)
         self._levels: dict[int, tuple[LevelKernel, dict[str, Any]]] = {}
         self.surface = Surface.of(elements)
         self._blocks: list[_Blocks] = []
@@ -111,14 +111,14 @@ class LightField:
     def set_surface(self, surface: Surface) -> None:
         """Gives the elements another reflectance; the light field follows with the next bounces."""
         self.surface = surface
-        self._emission_d = self.device.upload(surface.emission)
+        self.emission_d = self.device.upload(surface.emission)
         self._blocks = self._make_blocks(surface)
 
     def _make_blocks(self, s: Surface) -> list[_Blocks]:
         n = len(s.roughness)
         weights = column_weights(self.model, s.diffuse, s.f0, s.f90).reshape(n, 12)
         diffuse, lobe = weights[:, :6], weights[:, 6:]
-        low, share = _levels_of(s.roughness)
+        low, share = levels_of(s.roughness)
         everyone = np.arange(n)
         rows = [
             (everyone, low, np.concatenate([diffuse, lobe * (1 - share)[:, None]], 1)),
@@ -126,7 +126,7 @@ class LightField:
         ]
         if np.any(s.clearcoat > 0) and self.model != "phong":  # the paper's model has no coat
             coat = np.repeat(np.stack([s.clearcoat * s.coat_f0, s.clearcoat], 1), 3, axis=1)
-            low, share = _levels_of(s.clearcoat_roughness)
+            low, share = levels_of(s.clearcoat_roughness)
             rows += [
                 (everyone, low, np.concatenate([0 * diffuse, coat * (1 - share)[:, None]], 1)),
                 (everyone, low + 1, np.concatenate([0 * diffuse, coat * share[:, None]], 1)),
@@ -149,7 +149,8 @@ class LightField:
                 blocks.append(_Blocks(int(j), count, self.device.upload(order), self.device.upload(p)))
         return blocks
 
-    def _level(self, j: int) -> tuple[LevelKernel, dict[str, Any]]:
+    def level(self, j: int) -> tuple[LevelKernel, dict[str, Any]]:
+        """Returns the weights of a roughness level, and its arrays on the device by name."""
         if j not in self._levels:
             level = build_level(self.device, self.model, float(roughness_levels()[j]))
             arrays = {k: self.device.upload(v) for k, v in vars(level).items() if v is not None}
@@ -160,7 +161,7 @@ class LightField:
         """Sends the light once more; returns the relative change of the light field (L1)."""
         device, n = self.device, len(self.elements.position)
         kernel = lambda name, **c: device.kernel("light_field", name, NEAR=NEAR, **c)  # noqa: E731
-        kernel("emit", LOBE=0)((_up(n * D),), (64,), self._emission_d, np.uint32(n * D), self._next_d)
+        kernel("emit", LOBE=0)((_up(n * D),), (64,), self.emission_d, np.uint32(n * D), self._next_d)
         self._reflect(self._blocks)
         kernel("difference", LOBE=0)(
             (_up(n),), (64,), self.outgoing_d, self._next_d, np.uint32(n), self._difference_d
@@ -177,7 +178,7 @@ class LightField:
 
         Returns: device array (N, D, 3), zero for all others; good until the next bounce or response.
         """
-        low, share = _levels_of(roughness)
+        low, share = levels_of(roughness)
         flat = weights.reshape(len(element), 12)
         lower, upper = flat.copy(), flat.copy()
         lower[:, 6:] *= (1 - share)[:, None]
@@ -194,17 +195,17 @@ class LightField:
         device = self.device
         kernel = lambda name, **c: device.kernel("light_field", name, NEAR=NEAR, **c)  # noqa: E731
         for blocks in chosen:
-            level, w = self._level(blocks.level)
+            level, w = self.level(blocks.level)
             for first in range(0, blocks.count, CHUNK_BLOCKS):
                 count, at = min(CHUNK_BLOCKS, blocks.count - first), np.int32(first)
                 kernel("gather", LOBE=0)(
                     (D, count), (64, 1), blocks.order_d, self.hit_d, self.fixed_d, self.outgoing_d, at, self._light_d
                 )
                 kernel("coarsen", LOBE=0)((D // 4, count), (64, 1), self._light_d, self._coarse_d)
-                kernel("irradiance", LOBE=0)((3, count), None, self._light_d, self._cosine_d, self._e_pi_d)
-                lobe = (w["a"], w["b"], self._y_scale_d, w["fine_scale"] if level.coarse else self._y_scale_d)
+                kernel("irradiance", LOBE=0)((3, count), None, self._light_d, self.cosine_d, self._e_pi_d)
+                lobe = (w["a"], w["b"], self.y_scale_d, w["fine_scale"] if level.coarse else self.y_scale_d)
                 kernel("reflect_coarse", LOBE=int(level.coarse))(
-                    (D // 4, count), (64, 1), self._coarse_d, self._e_pi_d, self._y_d, *lobe,
+                    (D // 4, count), (64, 1), self._coarse_d, self._e_pi_d, self.y_d, *lobe,
                     blocks.parameters_d, blocks.order_d, at, self._next_d,
                 )  # fmt: skip
                 if not level.coarse:
@@ -285,8 +286,8 @@ def require_memory(device: Device, elements: int) -> None:
     device.require(3 * field + elements * D * 4, f"{elements} elements", field)
 
 
-def _levels_of(roughness: NDArray) -> tuple[NDArray, NDArray]:
-    """Lower level (n,) and the share (n,) of the level above it."""
+def levels_of(roughness: NDArray) -> tuple[NDArray, NDArray]:
+    """Returns the lower level (n,) of roughness (n,), and the share (n,) of the level above it."""
     x = np.clip(np.asarray(roughness, np.float64) * LEVEL_COUNT - 1, 0, LEVEL_COUNT - 1)
     low = np.minimum(np.floor(x + 1e-3).astype(np.int64), LEVEL_COUNT - 2)
     share = np.clip(x - low, 0, 1)

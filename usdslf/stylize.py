@@ -1,0 +1,211 @@
+"""Stylize: unsharp masking of the light field of a whole scene, as a valid reflectance of everything in it.
+
+The wanted light is L + amount (L - B), B the mean of what surrounds a place as the same far-off eye sees it
+(kernels/stylize.cl).  Light is compared in one direction of the world, not of each element's own frame: then an edge of
+the light field is an edge of the picture, from every view, and a highlight is compared with the surface beside it
+rather than with the same highlight on an element that is turned otherwise.  B takes in whatever lies near in space, on
+any gprim (surroundings.py).  Only reflected light counts: emission cannot change, and a lamp would blacken all around
+it.  Each element is then given the reflectance that explains what is wanted there best (element_fit.py); the light
+goes round, and it is asked again under the new light.
+
+Source: Nguyen et al. 2013, 7 and figure 22; Ritschel et al. 2008, 3D unsharp masking.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usdslf.directions import D
+from usdslf.element_fit import CHANGES, ElementFit, ElementFitter
+from usdslf.element_products import Products, take_products
+from usdslf.errors import AuthorError, InputError
+from usdslf.light_field import LightField, Surface
+from usdslf.scene import F64, Scene
+from usdslf.surroundings import Surroundings
+
+AMOUNT, MOST_AMOUNT = 1.0, 10.0
+RADIUS = 0.1  # of the scene's diagonal
+FEWEST = 4  # places that the surroundings of most elements must have
+ROUNDS = 2  # of light going round
+CONVERGED = 0.01  # relative change of the residual between rounds
+SEEN = {"diffuse": 0.004, "specular": 0.004, "glossiness": 0.01}  # a change of a material, at any element, that is one
+
+
+@dataclass(frozen=True)
+class MaterialStyle:
+    """What became of one material: means over its elements by area, and how well it explains what was wanted."""
+
+    material: int  # into Scene.materials
+    elements: NDArray[np.int64]  # (n,) its elements
+    freed: tuple[str, ...]  # which of CHANGES are seen anywhere
+    before: dict[str, NDArray]  # diffuse (3,), specular (3,), roughness (1,)
+    after: dict[str, NDArray]
+    residual_before: float  # relative RMS over its elements and all directions
+    residual_after: float
+
+
+@dataclass(frozen=True)
+class Stylized:
+    """What unsharp masking made of a scene."""
+
+    amount: float
+    radius: float  # of the scene's diagonal
+    before: Surface
+    fit: ElementFit  # the reflectance of all elements, after
+    styles: tuple[MaterialStyle, ...]  # of each material that may change
+    rounds: tuple[float, ...]  # residual over the scene after each
+
+    def change_at(self, rows: NDArray) -> tuple[F64, F64, F64]:
+        """Returns the changes of diffuse (n, 3), F0 (n, 3) and roughness (n,) at elements."""
+        f, s = self.fit, self.before
+        return f.diffuse[rows] - s.diffuse[rows], f.f0[rows] - s.f0[rows], f.roughness[rows] - s.roughness[rows]
+
+
+def check_amount(amount: float, radius: float) -> None:
+    """Raises InputError for numbers that no scene can be stylized with."""
+    if not 0 <= amount <= MOST_AMOUNT:
+        raise InputError(f"the amount {amount:g} is not in 0 .. {MOST_AMOUNT:g}; 1 adds as much contrast as there is")
+    if not 0 < radius <= 1:
+        raise InputError(f"the radius {radius:g} is not in 0 .. 1; it is a share of the scene's diagonal, say 0.1")
+
+
+def check_surroundings(near: Surroundings, scene: Scene) -> None:
+    """Raises InputError where most elements have next to no surroundings."""
+    if np.median(near.count) < FEWEST:
+        raise InputError(
+            f"the radius {near.radius / scene.diagonal:.3g} of the scene's diagonal is less than its elements are "
+            "apart; give a larger radius or more elements"
+        )
+
+
+def editable_materials(scene: Scene, materials: Sequence[int], warnings: list[str]) -> list[int]:
+    """Returns those of the materials that can be edited; names the others in warnings.
+
+    Raises: AuthorError where none can.
+    """
+    kept = {m: scene.materials[m].why_not_editable for m in materials if scene.materials[m].why_not_editable}
+    shown = scene.triangles
+    for m, why in kept.items():
+        gprims = [scene.meshes[i].path for i in np.unique(shown.mesh[shown.material == m])]
+        more = f" and {len(gprims) - 3} more" if len(gprims) > 3 else ""
+        warnings.append(f"the material of {', '.join(gprims[:3])}{more} stays: {why}")
+    if len(kept) == len(materials):
+        why = next(iter(kept.values()), "it has no surfaces")
+        raise AuthorError(f"nothing in {scene.stage} can be stylized, none of its materials can be edited: {why}")
+    return [m for m in materials if m not in kept]
+
+
+def mask_light(field: LightField, near: Surroundings, amount: float) -> Any:
+    """Returns the wanted light, a device array (N, D, 3): reflected light, unsharp masked over its surroundings."""
+    device, n = field.device, len(field.elements)
+    size = 4 * n * D * 4
+    device.require(7 * n * D * 4, f"stylizing {n} elements", size)
+    first_d, other_d, weight_d = (device.upload(x) for x in (near.first, near.other, near.weight))
+    shown_d, detail_d = device.empty((n, 4, D), np.float32), device.empty((n, 3, D), np.float32)
+    wanted_d = device.empty((n, D, 3), np.float32)
+    count = np.uint32(n)
+    light = (field.frames_d, field.emission_d, field.outgoing_d)
+    for up in (np.int32(1), np.int32(-1)):
+        device.kernel("stylize", "show")((D, n), (64, 1), *light, up, count, shown_d)
+        device.kernel("stylize", "take_surroundings")(
+            (D // 16, n), (64, 1), first_d, other_d, weight_d, shown_d, count, detail_d
+        )
+        device.kernel("stylize", "add_detail")(
+            (D, n), (64, 1), *light, detail_d, np.float32(amount), up, count, wanted_d
+        )
+    return wanted_d
+
+
+def stylize_light(
+    field: LightField, near: Surroundings, amount: float, radius: float, free: Sequence[int], bounces: int,
+    norm: str = "mixed",
+) -> Iterator[Stylized]:  # fmt: skip
+    """Finds the reflectance of each element that looks unsharp masked; yields it after each round of light.
+
+    A round that fits worse is not accepted.  The light field is left in the state of the last round.
+
+    Args:
+        field: of the shot as it is.
+        free: materials that may change.
+        norm: l0 | mixed | l2.
+    """
+    elements, start = field.elements, field.surface
+    is_free = np.isin(elements.material, free)
+    solid = elements.opacity / np.maximum(elements.presence, 1e-6)
+    fitter = ElementFitter(start, is_free, np.clip(solid, 0, 1), field.model, norm)
+    wanted_d = mask_light(field, near, amount)
+    before = _misfit(field, wanted_d)
+    kept: Stylized | None = None
+    for _ in range(ROUNDS):
+        fit = fitter.fit(_products(field, wanted_d))
+        values = {k: getattr(fit, k).astype(np.float32) for k in ("diffuse", "f0", "f90", "roughness")}
+        field.set_surface(replace(start, **values))
+        for _ in field.converge(bounces):
+            pass
+        fit = replace(fit, misfit_before=before, misfit_after=_misfit(field, wanted_d))
+        residual = _residual(fit.misfit_after[is_free], fit.wanted[is_free])
+        rounds = (*(kept.rounds if kept else ()), residual)
+        if kept is not None and residual >= kept.rounds[-1]:
+            return
+        is_done = kept is not None and kept.rounds[-1] - residual < CONVERGED * kept.rounds[-1]
+        kept = Stylized(amount, radius, start, fit, tuple(_style(m, field, start, fit) for m in free), rounds)
+        yield kept
+        if is_done:
+            return
+
+
+def _products(field: LightField, wanted_d: Any) -> Products:
+    """Products with what is wanted of all but the clear coats."""
+    device, s = field.device, field.surface
+    coated = np.flatnonzero(s.clearcoat > 0) if field.model != "phong" else np.zeros(0, np.int64)
+    if len(coated):
+        weights = np.zeros((len(coated), 4, 3), np.float32)
+        weights[:, 2], weights[:, 3] = (s.clearcoat * s.coat_f0)[coated, None], s.clearcoat[coated, None]
+        coat_d = field.respond(coated, weights, s.clearcoat_roughness[coated])
+        size = len(s.roughness) * D * 3
+        rest_d = device.empty(wanted_d.shape, np.float32)
+        device.kernel("stylize", "take_off")((size,), (64,), wanted_d, coat_d, np.uint64(size), rest_d)
+        wanted_d = rest_d
+    *_, products = take_products(field, wanted_d)
+    assert isinstance(products, Products)
+    return products
+
+
+def _misfit(field: LightField, wanted_d: Any) -> F64:
+    """Squared distance (N,) of the reflected light of now from what is wanted."""
+    device, n = field.device, len(field.elements)
+    misfit_d = device.empty((n,), np.float32)
+    size = -(-n // 64) * 64
+    device.kernel("stylize", "misfit")(
+        (size,), (64,), field.emission_d, field.outgoing_d, wanted_d, np.uint32(n), misfit_d
+    )
+    return np.asarray(device.download(misfit_d), np.float64)
+
+
+def _residual(misfit: NDArray, wanted: NDArray) -> float:
+    return float(np.sqrt(misfit.sum() / max(wanted.sum(), 1e-30)))
+
+
+def _style(material: int, field: LightField, start: Surface, fit: ElementFit) -> MaterialStyle:
+    rows = np.flatnonzero(field.elements.material == material)
+    area = field.elements.area[rows].astype(np.float64)
+
+    def means(s: Surface | ElementFit) -> dict[str, NDArray]:
+        values = {"diffuse": s.diffuse, "specular": s.f0, "roughness": s.roughness[:, None]}
+        return {k: np.atleast_1d(area @ v[rows] / area.sum()) for k, v in values.items()}
+
+    moved = {
+        "diffuse": np.abs(fit.diffuse - start.diffuse)[rows].max(initial=0),
+        "specular": np.abs(fit.f0 - start.f0)[rows].max(initial=0),
+        "glossiness": np.abs(fit.roughness - start.roughness)[rows].max(initial=0),
+    }
+    wanted = fit.wanted[rows]
+    return MaterialStyle(
+        material, rows, tuple(c for c in CHANGES if moved[c] > SEEN[c]), means(start), means(fit),
+        _residual(fit.misfit_before[rows], wanted), _residual(fit.misfit_after[rows], wanted),
+    )  # fmt: skip
