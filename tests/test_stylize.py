@@ -19,7 +19,7 @@ from usdslf.light_field import Surface
 from usdslf.scene import Light
 from usdslf.stylize import (
     Stylized,
-    check_amount,
+    check_numbers,
     check_surroundings,
     editable_materials,
     mask_light,
@@ -222,7 +222,7 @@ def test_what_is_held_stays_and_the_same_again_is_the_same(room: Lit, near: Surr
 @pytest.mark.parametrize(("amount", "radius"), [(-0.1, 0.1), (11, 0.1), (np.nan, 0.1), (1, 0), (1, 1.5), (1, np.nan)])
 def test_bad_numbers_are_named(amount: float, radius: float) -> None:
     with pytest.raises(InputError, match="is not in"):
-        check_amount(amount, radius)
+        check_numbers(amount, radius)
 
 
 def test_a_radius_below_the_elements_is_named(room: Lit) -> None:

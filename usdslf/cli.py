@@ -284,6 +284,49 @@ def solve(
 
 
 @program.command()
+@click.argument("stage")
+@click.option("-o", "output", required=True, metavar="LOOK", help="The look layer to write.")
+@click.option("--amount", type=float, default=1.0, show_default=True, metavar="A",
+              help="Contrast to add, as a multiple of what is there; 0 changes nothing.")
+@click.option("--radius", type=float, default=0.1, show_default=True, metavar="R",
+              help="How far the surroundings reach that a place is set off from, as a share of the scene's diagonal.")
+@click.option("--norm", type=click.Choice(NORMS), default="mixed", show_default=True,
+              help="How freely diffuse, specular and glossiness of a place change together.")
+@click.option("--report", metavar="R.json", help="Also write what became of each material, as JSON.")
+@click.option("--review-root", metavar="REVIEW.usda", help="Also write a root over look and shot.")
+@click.option("--elements", type=int, default=10000, show_default=True, help="Surface elements.")
+@click.option("--bounces", type=int, default=8, show_default=True, help="Most bounces of light.")
+@click.option("--make-preview", is_flag=True, help="Give surfaces without UsdPreviewSurface one, to edit them.")
+@_frame_options
+@settings
+def stylize(
+    options: Settings, stage: str, output: str, amount: float, radius: float, norm: str, report: str | None,
+    review_root: str | None, elements: int, bounces: int, make_preview: bool, frame: float | None, refine: int,
+) -> None:  # fmt: skip
+    """Sharpen the look of the whole shot: unsharp masking of its light, as valid materials."""
+    from usdslf.outputs import check_place, write_json
+    from usdslf.report import lines_of_report
+    from usdslf.stylize import check_numbers
+
+    check_numbers(amount, radius)
+    for place in filter(None, (output, review_root)):
+        check_place(place, AuthorError)
+    if report:
+        check_place(report)
+    with progress(options.quiet) as say:
+        session = _open(
+            options, stage, frame, say, refine=refine, elements=elements, bounces=bounces, make_preview=make_preview
+        )
+        session.stylize(amount, radius, norm)
+        session.author(output, review_root=review_root)
+    found = session.report()
+    if report:
+        write_json(report, found)
+    warn(session.warnings, options.quiet)
+    click.echo("\n".join([*lines_of_report(found), output]))
+
+
+@program.command()
 @click.argument("names", nargs=-1, metavar="[NAME ...]")
 @click.option("--all", "all_names", is_flag=True, help="Every shipped scene.")
 @click.option("-o", "output", default="usdslf-demo", show_default=True, metavar="DIR")

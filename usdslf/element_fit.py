@@ -69,7 +69,7 @@ class ElementFitter:
         """Takes the reflectance as it is.
 
         Args:
-            free: (N,) which elements may change.
+            free: (N, 3) which of CHANGES each element may undergo.
             solid: (N,) opacity of what is there: the diffuse reflectance cannot pass it.
             norm: l0 | mixed | l2: how many parameters of an element may change at once.
         """
@@ -83,7 +83,7 @@ class ElementFitter:
         self.is_grey = (np.ptp(self.own.f0, axis=1)[:, None] < 0.02) & ~self.is_metal
 
     def fit(self, products: Products) -> ElementFit:
-        """Finds the best valid reflectance of each element."""
+        """Finds the best valid reflectance of each element, with no change that `free` forbids."""
         wanted = products.fixed[:, :, 5].sum(1)
         as_it_is = products.at(self.roughness)
         before = self._misfit(as_it_is, self.own)
@@ -91,14 +91,14 @@ class ElementFitter:
         best, level = self.own, self.roughness
         price, misfit = before + NOISE**2 * scale, before
         changed = np.zeros((len(wanted), 3), bool)
-        is_wanting = self.free & (before > SEEN**2 * scale)
+        is_wanting = before > SEEN**2 * scale
         for other in (None, *roughness_levels()):
             g = as_it_is if other is None else products.at(np.full(len(wanted), other))
             rough = self.roughness if other is None else other
             for freed, state in self._candidates(g, scale, other is not None):
                 error = self._misfit(g, state)
                 asked = (error + NOISE**2 * scale) * self.weights[sum(freed) - 1] + scale * self._moved(state, rough)
-                take = is_wanting & (asked < price)
+                take = is_wanting & (asked < price) & self.free[:, freed].all(1)
                 price, misfit = np.where(take, asked, price), np.where(take, error, misfit)
                 best = _State(*(np.where(take[:, None], new, old) for new, old in zip(_all(state), _all(best))))
                 level = np.where(take, rough, level)

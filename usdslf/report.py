@@ -7,7 +7,11 @@ from typing import Any
 
 
 def lines_of_report(report: Mapping[str, Any]) -> Iterator[str]:
-    """Yields two lines a stroke and up to two an edit of a solve's report."""
+    """Yields two lines a stroke or stylized material, and up to two an edit."""
+    for style in report.get("materials", ()):
+        yield f"{style['material']}: {style['inferred']}"
+        residual = f"{style['residual_before']:.3f} -> {style['residual_after']:.3f}"
+        yield f"  {_changes(style)}; residual {residual}"
     for stroke in report["strokes"]:
         tie = "  (ambiguous)" if stroke.get("ambiguous") else ""
         yield f"{stroke['path']} on {stroke['surface']}: {stroke['inferred']} of {stroke['material']}{tie}"
@@ -26,8 +30,8 @@ def _some(prims: Sequence[str], most: int = 3) -> str:
     return ", ".join(prims[:most]) + (f" and {more} more" if more > 0 else "")
 
 
-def _changes(stroke: Mapping[str, Any]) -> str:
-    before, after = stroke["before"], stroke["after"]
+def _changes(of: Mapping[str, Any]) -> str:
+    before, after = of["before"], of["after"]
     changed = [f"{k} {_value(before[k])} -> {_value(after[k])}" for k in after if before[k] != after[k]]
     return ", ".join(changed) or "nothing changed"
 

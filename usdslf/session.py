@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 import usdslf
 from usdslf.anchors import locate_stroke, painted_faces
 from usdslf.color import color_of
-from usdslf.edits import MaterialChange, Reflectance
+from usdslf.edits import MaterialChange, Reflectance, inferred
 from usdslf.elements import ElementLookup, Elements, refresh_reflectance, sample_elements
 from usdslf.errors import InputError, SolveError, StageError
 from usdslf.gpu.device import Device, open_device
@@ -33,6 +33,17 @@ from usdslf.render import render
 from usdslf.scene import Camera, Light, Scene
 from usdslf.solve import Options
 from usdslf.strokes import Stroke
+from usdslf.stylize import (
+    AMOUNT,
+    RADIUS,
+    MaterialStyle,
+    Stylized,
+    check_numbers,
+    check_surroundings,
+    editable_materials,
+    stylize_light,
+)
+from usdslf.surroundings import find_surroundings
 from usdslf.usd.author import author_look, author_review_root
 from usdslf.usd.edited import open_edited
 from usdslf.usd.preview_material import make_preview as make_preview_materials
@@ -90,6 +101,7 @@ class Session:
         self.warnings: list[str] = []
         self.strokes: list[Stroke] = []
         self.answers: list[Answer] = []
+        self.stylized: Stylized | None = None
         self.edits: list[AuthoredEdit] = []
 
     # ── steps ──────────────────────────────────────────────────────────────────────────────────
@@ -209,6 +221,7 @@ class Session:
 
         Raises: StrokeError, SolveError.
         """
+        self.stylized = None
         active = [s for s in self.strokes if s.active]
         if not active:
             raise SolveError("there is no active stroke; paint one with: usdslf stroke")
@@ -242,6 +255,37 @@ class Session:
                 other = next(c.id for c in a.candidates if c.id != a.chosen.id)
                 self.warn(f"{names}: {a.chosen.id} and {other} explain it about equally well; paint more or choose")
         return self.answers
+
+    def stylize(self, amount: float = AMOUNT, radius: float = RADIUS, norm: str = "mixed") -> Stylized:
+        """Unsharp masks the light field of the whole shot, and finds the reflectance that explains it.
+
+        What `solve` found is dropped: the look is one of the shot as it is.
+
+        Args:
+            amount: contrast that is added, as a multiple of what is there; 0 changes nothing.
+            radius: of the surroundings that a place is set off from, as a share of the scene's diagonal.
+            norm: l0 | mixed | l2: how freely diffuse, specular and glossiness of a place change together.
+
+        Raises: InputError for numbers that cannot be, AuthorError where no material can be edited.
+        """
+        check_numbers(amount, radius)
+        shown = [int(m) for m in np.unique(self.scene.triangles.material)]
+        free = editable_materials(self.scene, shown, self.warnings)
+        field = self.light_field
+        original, as_it_was_d = field.surface, field.outgoing_d.copy()
+        self.answers, self.edits = [], []
+        try:
+            with self._step("stylize"):
+                near = find_surroundings(self.elements, self.tracer, radius * self.scene.diagonal)
+                check_surroundings(near, self.scene)
+                rounds = stylize_light(field, near, amount, radius, free, self.bounces, norm)
+                for number, found in enumerate(rounds):  # noqa: B007
+                    self._say("stylize", (number + 1) / 2)
+        finally:
+            field.set_surface(original)
+            field.outgoing_d = as_it_was_d
+        self.stylized = found
+        return found
 
     def edited(self, look: str | os.PathLike[str]) -> Session:
         """Returns a session on the shot with a look layer over it.
@@ -300,7 +344,9 @@ class Session:
             )  # fmt: skip
 
     def changes(self, mode: str = "") -> list[MaterialChange]:
-        """Returns what `solve` found as changes of materials; mode `new` is of painted gprims only."""
+        """Returns what `solve` or `stylize` found as changes of materials; mode `new` is of painted gprims only."""
+        if self.stylized is not None:
+            return [self._restyled(s) for s in self.stylized.styles if s.freed]
         return [self._change(a, mode) for a in self.answers if a.chosen.freed]
 
     def _change(self, answer: Answer, mode: str) -> MaterialChange:
@@ -331,6 +377,20 @@ class Session:
             residual_after=answer.residual_after,
         )
 
+    def _restyled(self, style: MaterialStyle) -> MaterialChange:
+        table = self.scene.triangles
+        shown = np.unique(table.mesh[table.material == style.material])
+        return MaterialChange(
+            material=self.scene.materials[style.material],
+            scope="material",
+            targets=tuple(self.scene.meshes[m].path for m in shown),
+            freed=style.freed,
+            before=_reflectance(style.before),
+            after=_reflectance(style.after),
+            residual_before=style.residual_before,
+            residual_after=style.residual_after,
+        )
+
     def author(
         self,
         path: str | os.PathLike[str],
@@ -352,7 +412,7 @@ class Session:
             "ocioConfig": color.config_name,
             "workingSpace": scene.working_space,
             "device": self.device.name,
-            "solve": f"{self.model}, {len(self.elements)} elements, 1024 directions, {self.bounces} bounces",
+            "solve": self._how(),
         }
         with self._step("author"):
             self.edits = author_look(
@@ -366,8 +426,17 @@ class Session:
                 self.warn(f"{edit.prim}.{edit.attribute} is hidden by {edit.hidden_by}: {edit.mend}")
         return self.edits
 
+    def _how(self) -> str:
+        """How the look came about, for its provenance."""
+        how = f"{self.model}, {len(self.elements)} elements, 1024 directions, {self.bounces} bounces"
+        s = self.stylized
+        return how if s is None else f"stylized by {s.amount:g} within {s.radius:g} of the diagonal; {how}"
+
     def report(self) -> dict[str, Any]:
-        """Returns what was inferred, as JSON-ready values (DESIGN: the report of solve)."""
+        """Returns what was inferred, as JSON-ready values (DESIGN: the report of solve).
+
+        Of a stylized shot, `stylize` says how, and `materials` what became of each.
+        """
         active = [s for s in self.strokes if s.active]
         of_stroke = {i: a for a in self.answers for i in a.pool.strokes}
         return {
@@ -376,6 +445,7 @@ class Session:
             "device": self.device.name,
             "elements": len(self.elements),
             "directions": 1024,
+            **({} if self.stylized is None else self._style_report(self.stylized)),
             "strokes": [self._stroke_report(s, of_stroke[i]) for i, s in enumerate(active) if i in of_stroke],
             "edits": [
                 {
@@ -393,6 +463,27 @@ class Session:
             ],
             "warnings": list(self.warnings),
             "seconds": {k: round(v, 4) for k, v in self.seconds.items()},
+        }
+
+    def _style_report(self, s: Stylized) -> dict[str, Any]:
+        paths = {m: self.scene.materials[m].path for m in (style.material for style in s.styles)}
+        written = [e for e in self.edits if e.wins]
+        return {
+            "stylize": {"amount": s.amount, "radius": s.radius, "rounds": list(s.rounds)},
+            "materials": [
+                {
+                    "material": paths[style.material],
+                    "inferred": inferred(style.freed),
+                    "before": _plain(style.before),
+                    "after": _plain(style.after),
+                    "residual_before": style.residual_before,
+                    "residual_after": style.residual_after,
+                    "representation": sorted(
+                        {e.representation for e in written if e.prim.startswith(f"{paths[style.material]}/")}
+                    ),
+                }
+                for style in s.styles
+            ],
         }
 
     def _stroke_report(self, stroke: Stroke, answer: Answer) -> dict[str, Any]:

@@ -33,7 +33,8 @@ RADIUS = 0.1  # of the scene's diagonal
 FEWEST = 4  # places that the surroundings of most elements must have
 ROUNDS = 2  # of light going round
 CONVERGED = 0.01  # relative change of the residual between rounds
-SEEN = {"diffuse": 0.004, "specular": 0.004, "glossiness": 0.01}  # a change of a material, at any element, that is one
+SEEN = (0.004, 0.004, 0.01)  # a change of diffuse, specular, roughness at an element that counts as one
+SPARSE = 0.1  # of a material's area: what changes on less of it stays as it is everywhere
 
 
 @dataclass(frozen=True)
@@ -42,7 +43,7 @@ class MaterialStyle:
 
     material: int  # into Scene.materials
     elements: NDArray[np.int64]  # (n,) its elements
-    freed: tuple[str, ...]  # which of CHANGES are seen anywhere
+    freed: tuple[str, ...]  # which of CHANGES it underwent
     before: dict[str, NDArray]  # diffuse (3,), specular (3,), roughness (1,)
     after: dict[str, NDArray]
     residual_before: float  # relative RMS over its elements and all directions
@@ -57,7 +58,7 @@ class Stylized:
     radius: float  # of the scene's diagonal
     before: Surface
     fit: ElementFit  # the reflectance of all elements, after
-    styles: tuple[MaterialStyle, ...]  # of each material that may change
+    styles: tuple[MaterialStyle, ...]  # of each material that may change and is seen by light
     rounds: tuple[float, ...]  # residual over the scene after each
 
     def change_at(self, rows: NDArray) -> tuple[F64, F64, F64]:
@@ -66,7 +67,7 @@ class Stylized:
         return f.diffuse[rows] - s.diffuse[rows], f.f0[rows] - s.f0[rows], f.roughness[rows] - s.roughness[rows]
 
 
-def check_amount(amount: float, radius: float) -> None:
+def check_numbers(amount: float, radius: float) -> None:
     """Raises InputError for numbers that no scene can be stylized with."""
     if not 0 <= amount <= MOST_AMOUNT:
         raise InputError(f"the amount {amount:g} is not in 0 .. {MOST_AMOUNT:g}; 1 adds as much contrast as there is")
@@ -127,7 +128,8 @@ def stylize_light(
 ) -> Iterator[Stylized]:  # fmt: skip
     """Finds the reflectance of each element that looks unsharp masked; yields it after each round of light.
 
-    A round that fits worse is not accepted.  The light field is left in the state of the last round.
+    A parameter that would change on a small part of a material only stays as it is: the look would say more than
+    is seen.  A round that fits worse is not accepted.  The light field is left in the state of the last round.
 
     Args:
         field: of the shot as it is.
@@ -137,12 +139,21 @@ def stylize_light(
     elements, start = field.elements, field.surface
     is_free = np.isin(elements.material, free)
     solid = elements.opacity / np.maximum(elements.presence, 1e-6)
-    fitter = ElementFitter(start, is_free, np.clip(solid, 0, 1), field.model, norm)
+    fitter = ElementFitter(start, np.repeat(is_free[:, None], 3, 1), np.clip(solid, 0, 1), field.model, norm)
+    if amount == 0:
+        fit = _as_it_is(start)
+        yield Stylized(amount, radius, start, fit, tuple(_style(m, field, start, fit) for m in free), (0.0,))
+        return
     wanted_d = mask_light(field, near, amount)
     before = _misfit(field, wanted_d)
     kept: Stylized | None = None
     for _ in range(ROUNDS):
-        fit = fitter.fit(_products(field, wanted_d))
+        products = _products(field, wanted_d)
+        fit = fitter.fit(products)
+        if kept is None:
+            for m in free:
+                fitter.free[elements.material == m] &= _is_common(m, field, start, fit)
+            fit = fitter.fit(products)
         values = {k: getattr(fit, k).astype(np.float32) for k in ("diffuse", "f0", "f90", "roughness")}
         field.set_surface(replace(start, **values))
         for _ in field.converge(bounces):
@@ -187,8 +198,30 @@ def _misfit(field: LightField, wanted_d: Any) -> F64:
     return np.asarray(device.download(misfit_d), np.float64)
 
 
+def _as_it_is(s: Surface) -> ElementFit:
+    """The reflectance that is there, which explains the light that is there."""
+    d, f0, f90, roughness = (np.asarray(x, np.float64) for x in (s.diffuse, s.f0, s.f90, s.roughness))
+    none = np.zeros(len(roughness))
+    return ElementFit(d, f0, f90, roughness, np.zeros((len(roughness), 3), bool), none, none, none)
+
+
 def _residual(misfit: NDArray, wanted: NDArray) -> float:
     return float(np.sqrt(misfit.sum() / max(wanted.sum(), 1e-30)))
+
+
+def _moved(start: Surface, fit: ElementFit, rows: NDArray) -> NDArray[np.bool_]:
+    """Which elements (n, 3) underwent each of CHANGES."""
+    moved = (np.abs(fit.diffuse - start.diffuse).max(1), np.abs(fit.f0 - start.f0).max(1))
+    roughness = np.abs(fit.roughness - start.roughness)
+    return np.stack([m[rows] > s for m, s in zip((*moved, roughness), SEEN)], 1)
+
+
+def _is_common(material: int, field: LightField, start: Surface, fit: ElementFit) -> NDArray[np.bool_]:
+    """Whether each of CHANGES (3,) covers more than SPARSE of a material."""
+    rows = np.flatnonzero(field.elements.material == material)
+    area = field.elements.area[rows]
+    share: NDArray[np.bool_] = area @ _moved(start, fit, rows) > SPARSE * area.sum()
+    return share
 
 
 def _style(material: int, field: LightField, start: Surface, fit: ElementFit) -> MaterialStyle:
@@ -199,13 +232,10 @@ def _style(material: int, field: LightField, start: Surface, fit: ElementFit) ->
         values = {"diffuse": s.diffuse, "specular": s.f0, "roughness": s.roughness[:, None]}
         return {k: np.atleast_1d(area @ v[rows] / area.sum()) for k, v in values.items()}
 
-    moved = {
-        "diffuse": np.abs(fit.diffuse - start.diffuse)[rows].max(initial=0),
-        "specular": np.abs(fit.f0 - start.f0)[rows].max(initial=0),
-        "glossiness": np.abs(fit.roughness - start.roughness)[rows].max(initial=0),
-    }
+    moved = _moved(start, fit, rows)
+    freed = tuple(c for i, c in enumerate(CHANGES) if moved[:, i].any())
     wanted = fit.wanted[rows]
     return MaterialStyle(
-        material, rows, tuple(c for c in CHANGES if moved[c] > SEEN[c]), means(start), means(fit),
+        material, rows, freed, means(start), means(fit),
         _residual(fit.misfit_before[rows], wanted), _residual(fit.misfit_after[rows], wanted),
     )  # fmt: skip
