@@ -106,6 +106,28 @@ def test_instances_get_materials_each_their_own(tmp_path: Path) -> None:
     assert after.GetPrimAtPath("/World/a").IsInstance()
 
 
+def test_subsets_and_materials_of_other_contexts_each_get_their_own(tmp_path: Path) -> None:
+    stage = new_stage(tmp_path / "shot.usda")
+    final = []
+    for name in "ab":
+        material = UsdShade.Material.Define(stage, f"/World/mtl/{name}")
+        node = UsdShade.Shader.Define(stage, f"/World/mtl/{name}/node")
+        node.CreateIdAttr("PxrSurface")
+        material.CreateSurfaceOutput("ri").ConnectToSource(node.CreateOutput("surface", F.Token))
+        final.append(material)
+    row = add_quads(stage, "/World/row")
+    bind(row.GetPrim(), final[0])
+    api = UsdShade.MaterialBindingAPI(row)
+    bind(api.CreateMaterialBindSubset("part", Vt.IntArray([1])).GetPrim(), final[1])
+    api.SetMaterialBindSubsetsFamilyType(UsdGeom.Tokens.nonOverlapping)
+    stage.GetRootLayer().Save()
+    made = make_preview(stage)
+    assert set(made.material_of) == {"/World/row", "/World/row/part"}
+    assert len(set(made.material_of.values())) == 2  # the same look, but another surface in final renders
+    assert_same_look(stage, over(stage, made))
+    assert without_preview(over(stage, made)) == []
+
+
 @pytest.mark.parametrize("name", ["cornell_box/cornell-box_displayColor.usda"])
 def test_real_stages_show_what_they_showed(assets: Path, name: str) -> None:
     stage = Usd.Stage.Open(str(assets / name))

@@ -1,0 +1,153 @@
+"""Surfaces without UsdPreviewSurface are painted and edited: in the session, in the look, on the command line.
+
+A plane under a rect light shows its displayColor only, or has a material of another context; what was painted
+comes from a float64 model of the plane, as in test_session.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from look_stages import validate
+from numpy.testing import assert_allclose
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade
+from test_session import dabs, places, seen, write_plane
+
+import usdslf
+from usdslf.errors import AuthorError
+from usdslf.strokes import Stroke
+from usdslf.usd.edited import open_edited
+from usdslf.usd.read import read_scene
+from usdslf.usd.stroke_layer import write_strokes
+from usdslf.usd.validate import validate as find_wrong
+
+Run = Callable[..., tuple[int, str, str]]
+SHOWN = {"diffuse": (0.4, 0.3, 0.2), "specular": (0.04,) * 3, "roughness": 0.5}  # on the fallbacks
+AFTER = SHOWN | {"diffuse": (0.55, 0.15, 0.1)}
+
+
+def plain(folder: Path, context: str = "") -> Path:
+    """The plane without its material; with two more gprims of the same colour, far away."""
+    path = write_plane(folder)
+    stage = Usd.Stage.Open(str(path))
+    stage.RemovePrim("/World/mtl/floor")
+    floor = UsdGeom.Plane(stage.GetPrimAtPath("/World/floor"))
+    floor.GetPrim().RemoveProperty("material:binding")
+    floor.CreateDisplayColorAttr([Gf.Vec3f(*SHOWN["diffuse"])])
+    for i, color in enumerate((SHOWN["diffuse"], (0.1, 0.1, 0.1))):
+        twin = UsdGeom.Sphere.Define(stage, f"/World/twin{i}")
+        twin.CreateExtentAttr([(-1, -1, -1), (1, 1, 1)])
+        twin.AddTranslateOp().Set((30 + 3 * i, 0, 0))
+        twin.CreateDisplayColorAttr([Gf.Vec3f(*color)])
+    if context:
+        material = UsdShade.Material.Define(stage, "/World/mtl/final")
+        node = UsdShade.Shader.Define(stage, "/World/mtl/final/node")
+        node.CreateIdAttr("standard_surface")
+        material.CreateSurfaceOutput(context).ConnectToSource(node.CreateOutput("out", Sdf.ValueTypeNames.Token))
+        UsdShade.MaterialBindingAPI.Apply(floor.GetPrim()).Bind(material)
+    stage.GetRootLayer().Save()
+    return path
+
+
+def painted() -> Stroke:
+    return dabs(places(), seen(places(), AFTER["diffuse"], AFTER["specular"], AFTER["roughness"]))
+
+
+@pytest.mark.parametrize("context", ["", "arnold"])
+def test_a_surface_without_preview_is_solved_and_the_look_shows_it(tmp_path: Path, context: str) -> None:
+    shot = plain(tmp_path, context)
+    before = shot.read_bytes()
+    session = usdslf.open(str(shot), elements=150, make_preview=True)
+    assert {m.why_not_editable for m in session.scene.materials} == {""}
+    session.add_stroke(painted())
+    session.solve()
+    session.author(tmp_path / "look.usda", review_root=tmp_path / "review.usda")
+    report = session.report()
+    assert report["stage"] == str(shot) and report["strokes"][0]["inferred"] == "diffuse"
+    (edit,) = report["edits"]
+    assert edit["wins"] and edit["hidden_by"] == ""
+    # The twin shows the same; it shares the material unless the floor's is that of a final render.
+    assert edit["affects"] == ["/World/floor"] + ([] if context else ["/World/twin0"])
+    assert shot.read_bytes() == before
+
+    review = Usd.Stage.Open(str(tmp_path / "review.usda"))
+    scene = read_scene(review)
+    of_mesh = {m.path: scene.materials[m.material_of_triangle[0]] for m in scene.meshes}
+    assert_allclose(of_mesh["/World/floor"].diffuse_color, AFTER["diffuse"], atol=0.02)
+    assert not of_mesh["/World/floor"].why_not_editable
+    assert_allclose(of_mesh["/World/twin1"].diffuse_color, (0.1,) * 3, atol=1e-6)
+    assert of_mesh["/World/twin1"].why_not_editable  # nothing was made for what was not painted
+    assert find_wrong(review) == [] and validate(Usd.Stage.Open(str(tmp_path / "look.usda"))) == []
+    full = UsdShade.MaterialBindingAPI(review.GetPrimAtPath("/World/floor")).ComputeBoundMaterial("full")[0]
+    assert (str(full.GetPath()) == "/World/mtl/final") == bool(context)
+    said = " ".join(session.warnings)
+    assert ("final renders of /World/floor by arnold show /World/mtl/final" in said) == bool(context)
+    assert "preview_floor is new: a UsdPreviewSurface that shows what /World/floor" in said
+    # Solved again over the earlier look: the same bytes.
+    first = (tmp_path / "look.usda").read_bytes()
+    session.author(tmp_path / "look.usda")
+    assert (tmp_path / "look.usda").read_bytes() == first
+
+
+def test_the_new_material_of_one_painted_gprim_leaves_its_twin(tmp_path: Path) -> None:
+    session = usdslf.open(str(plain(tmp_path)), elements=150, make_preview=True)
+    session.add_stroke(painted())
+    session.solve()
+    (edit,) = session.author(tmp_path / "look.usda", mode="new")
+    assert edit.wins and edit.affects == ("/World/floor",)
+    scene = read_scene(open_edited(session.shot.GetRootLayer().realPath, tmp_path / "look.usda"))
+    of_mesh = {m.path: scene.materials[m.material_of_triangle[0]] for m in scene.meshes}
+    assert_allclose(of_mesh["/World/floor"].diffuse_color, AFTER["diffuse"], atol=0.02)
+    assert_allclose(of_mesh["/World/twin0"].diffuse_color, SHOWN["diffuse"], atol=1e-6)
+
+
+def test_without_the_option_the_reason_and_the_option_are_named(tmp_path: Path) -> None:
+    session = usdslf.open(str(plain(tmp_path, "arnold")), elements=150)
+    session.add_stroke(painted())
+    session.solve()
+    with pytest.raises(AuthorError, match=r"no UsdPreviewSurface .it has arnold.*--make-preview"):
+        session.author(tmp_path / "look.usda")
+
+
+def test_a_binding_that_this_build_cannot_read_keeps_final_renders(tmp_path: Path) -> None:
+    shot = plain(tmp_path)
+    stage = Usd.Stage.Open(str(shot))
+    floor = stage.GetPrimAtPath("/World/floor")
+    UsdShade.MaterialBindingAPI.Apply(floor).GetDirectBindingRel().SetTargets(["/World/mtl/from_mtlx"])
+    stage.GetRootLayer().Save()
+    session = usdslf.open(str(shot), elements=150, make_preview=True)
+    session.add_stroke(painted())
+    session.solve()
+    session.author(tmp_path / "look.usda")
+    look = Sdf.Layer.FindOrOpen(str(tmp_path / "look.usda"))
+    assert not look.GetRelationshipAtPath("/World/floor.material:binding")
+    assert look.GetRelationshipAtPath("/World/floor.material:binding:preview")
+    assert any("keep /World/mtl/from_mtlx (which this build cannot read)" in w for w in session.warnings)
+
+
+def test_the_command_line_makes_them_and_takes_a_mode(tmp_path: Path, run: Run) -> None:
+    shot = plain(tmp_path)
+    write_strokes(tmp_path / "strokes.usda", [painted()], Usd.Stage.Open(str(shot)))
+    arguments = ("solve", shot, tmp_path / "strokes.usda", "-o", tmp_path / "look.usda", "--elements", "150")
+    code, _, err = run(*arguments)
+    assert code == 6 and "--make-preview" in err and not (tmp_path / "look.usda").exists()
+    report = tmp_path / "report.json"
+    code, out, err = run(*arguments, "--make-preview", "--mode", "new", "--report", report)
+    assert code == 0, err
+    (edit,) = json.loads(report.read_text())["edits"]
+    assert edit["affects"] == ["/World/floor"] and edit["wins"] and edit["mend"] == ""
+    assert "shown by 1: /World/floor" in out
+    code, _, err = run(*arguments, "--make-preview", "--mode", "class")
+    assert code == 6 and "inherit no class" in err
+    code, _, err = run(*arguments, "--mode", "everything")
+    assert code == 2 and "everything" in err
+
+
+def test_a_stage_where_all_can_be_edited_is_left_alone(tmp_path: Path) -> None:
+    session = usdslf.open(str(write_plane(tmp_path)), elements=150, make_preview=True)
+    assert session.made is not None and not session.made.material_of
+    assert np.isfinite(session.scene.materials[0].roughness).all()
