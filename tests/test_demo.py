@@ -13,7 +13,8 @@ from reference.mitsuba_setup import why_no_pathtracer
 
 from usdslf import demo
 from usdslf.demo_shapes import Shape, ball, curve, lathe, rounded_box, torus, tube
-from usdslf.usd.demo_scene import MATERIALS, TRUTH, build_demo_stage
+from usdslf.gallery.still_life import MATERIALS, RADIUS, STROKES, TRUTH, build
+from usdslf.usd.build_stage import write_stage
 
 INPUTS = {"diffuse": "diffuseColor", "specular": "specularColor", "glossiness": "roughness"}
 
@@ -22,11 +23,8 @@ INPUTS = {"diffuse": "diffuseColor", "specular": "specularColor", "glossiness": 
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The demo's folder, with small pictures."""
     out = tmp_path_factory.mktemp("demo")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(demo, "SIZE", (64, 36))
-        patch.setattr(demo, "SAMPLES", 1)
-        lines = list(demo.run_demos((), False, out, None, None, lambda step, share: None))
-    assert sum("(as meant)" in line for line in lines) == 3, lines
+    lines = list(demo.run_demos((), False, out, None, None, None, lambda step, share: None, size=(64, 36), samples=1))
+    assert sum(": shown" in line for line in lines) == 3, lines
     return out / "still_life"
 
 
@@ -64,7 +62,7 @@ def test_the_shot_is_the_same_every_time(tmp_path: Path) -> None:
     first, second = (tmp_path / n for n in ("a", "b"))
     for place in (first, second):
         place.mkdir()
-        build_demo_stage(place)
+        write_stage(build(place), place)
     for name in ("shot.usda", "objects.usdc"):
         assert (first / name).read_bytes() == (second / name).read_bytes()
 
@@ -102,18 +100,18 @@ def test_the_volume_of_a_ball_and_a_torus() -> None:
 def test_the_painted_colours_are_those_of_the_changed_scene(tmp_path: Path) -> None:
     from reference.pathtracer import Tracer, camera_rays
 
-    demo.write_demo_shot(tmp_path)
-    stage = Usd.Stage.Open(str(build_demo_stage(tmp_path, TRUTH, "truth.usda")))
+    shot = build(tmp_path)
+    stage = Usd.Stage.Open(str(write_stage(shot.changed(TRUTH), tmp_path, "truth.usda")))
     tracer = Tracer(stage, "smith", max_depth=6)
     rng, paths = np.random.default_rng(1), 8192
-    for script in demo.STROKES:
+    for script in STROKES:
         painted = np.array([rgb for rgb, places in script.dabs for _ in places])
         places = np.array([p for _, places in script.dabs for p in places])
         # Paths through the disk of each dab, in a picture of 800 x 450.
-        r = demo.RADIUS * 450 * np.sqrt(rng.random((len(places), paths)))
+        r = RADIUS * 450 * np.sqrt(rng.random((len(places), paths)))
         turn = rng.random(r.shape) * 2 * np.pi
         at = (places[:, None] + np.stack([r * np.cos(turn), r * np.sin(turn)], -1)) / (800, 450)
-        origins, directions = camera_rays(stage, demo.CAMERA, at.reshape(-1, 2), 800 / 450)
+        origins, directions = camera_rays(stage, shot.view_path(), at.reshape(-1, 2), 800 / 450)
         seen = tracer.radiance(origins, directions, seed=7).reshape(*r.shape, 3).mean(1)
         # Few colours stand for many: a dab is a quarter off at most, or a little in the dark.
         error = np.abs(painted - seen) / (seen + 0.05)

@@ -16,8 +16,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from usdslf.demo import CAMERA, STROKES, paint_script, write_demo_shot
 from usdslf.directions import D, bin_directions
+from usdslf.gallery import still_life
+from usdslf.gallery.play import Play
 from usdslf.gpu.device import Device
 from usdslf.session import Session
 from usdslf.visibility import outgoing_directions, trace_visibility
@@ -42,16 +43,16 @@ def measure(device: str | None, ocio: str | None, elements: int, say: Say) -> di
     """
     with tempfile.TemporaryDirectory(prefix="usdslf_bench_") as name:
         folder = Path(name)
-        shot = write_demo_shot(folder)
+        play = Play(still_life.ENTRY, folder, device=device, ocio=ocio, say=say, elements=elements)
         began = time.perf_counter()
-        session = Session(str(shot), device=device, ocio=ocio, elements=elements, say=say)
-        for number, script in enumerate(STROKES):
-            session.add_stroke(paint_script(session, script, number))
+        session = play.session
+        for stroke in still_life.paint(play):
+            session.add_stroke(stroke)
         session.solve()
         session.author(folder / "look.usda")
         total = time.perf_counter() - began
         cold = dict(session.seconds)
-        session.render(CAMERA, SIZE)
+        session.render(play.shot.view_path(), SIZE)
     picture = session.seconds["render"]
     n = len(session.elements)
     links, field = n * D, n * D * 12

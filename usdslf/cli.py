@@ -330,14 +330,15 @@ def stylize(
 @click.argument("names", nargs=-1, metavar="[NAME ...]")
 @click.option("--all", "all_names", is_flag=True, help="Every shipped scene.")
 @click.option("-o", "output", default="usdslf-demo", show_default=True, metavar="DIR")
+@click.option("--hdri", metavar="FILE", help="Latlong picture for the scenes that are lit by an environment.")
 @settings
-def demo(options: Settings, names: tuple[str, ...], all_names: bool, output: str) -> None:
-    """A shipped scene with scripted strokes: look layer, report, before and after pictures."""
+def demo(options: Settings, names: tuple[str, ...], all_names: bool, output: str, hdri: str | None) -> None:
+    """The paper's figures as shipped scenes with scripted strokes: look layers, reports, pictures, an index."""
     from usdslf.demo import run_demos
 
     with progress(options.quiet) as say:
-        lines = run_demos(names, all_names, output, options.device, options.ocio, say)
-    click.echo("\n".join(lines))
+        for line in run_demos(names, all_names, output, hdri, options.device, options.ocio, say):
+            click.echo(line)
 
 
 @program.command()

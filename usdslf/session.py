@@ -288,15 +288,22 @@ class Session:
         return found
 
     def edited(self, look: str | os.PathLike[str]) -> Session:
-        """Returns a session on the shot with a look layer over it.
-
-        Where the look leaves all geometry as it is, as ours do, elements, visibility and fixed light are shared.
+        """Returns a session on the shot with a look layer over it; see `reopened`.
 
         Raises: InputError where the look cannot be read.
         """
+        return self.reopened(open_edited(self.shot.GetRootLayer().realPath, look))
+
+    def reopened(self, stage: Any) -> Session:
+        """Returns a session on another composition of the shot, a path or a Usd.Stage.
+
+        Where that leaves all geometry as it is, as our looks do, elements, visibility and fixed light are shared.
+
+        Raises: StageError where the stage cannot be opened.
+        """
         other = Session(
-            open_edited(self.shot.GetRootLayer().realPath, look), self.frame, self.device, self.ocio,
-            self.element_count, self.bounces, self.refine, self.model, self._say,
+            stage, self.frame, self.device, self.ocio, self.element_count, self.bounces, self.refine, self.model,
+            self._say,
         )  # fmt: skip
         if np.array_equal(other.scene.triangles.positions, self.scene.triangles.positions):
             shared = {

@@ -1,0 +1,16 @@
+"""The gallery: result figures of the paper as scenes built in code, with strokes and a check of each claim.
+
+    shot.py       a shot as records without USD
+    records.py    what an entry is, and what came of one
+    play.py       an entry that is being run
+    page.py       the index of all entries
+    the others    one entry each, or a few on one scene
+"""
+
+from __future__ import annotations
+
+from usdslf.gallery import still_life
+from usdslf.gallery.records import Entry
+
+ENTRIES: tuple[Entry, ...] = (still_life.ENTRY,)
+"""All entries; the first one is run where none is named."""

@@ -1,0 +1,64 @@
+"""Records of the gallery: what an entry is, and what came of one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from usdslf.gallery.shot import Shot
+
+if TYPE_CHECKING:
+    from usdslf.gallery.play import Play
+    from usdslf.infer import Answer
+    from usdslf.session import Session
+
+Point = tuple[float, float]
+Rgb = tuple[float, float, float]
+Dabs = Sequence[tuple[Rgb, Sequence[Point]]]
+"""Dabs by colour: scene-linear radiance, and places on the picture, 0..1 from its top left."""
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A result figure of the paper as a runnable scene."""
+
+    name: str  # on the command line and of its folder
+    figures: str  # of the paper, e.g. "19"
+    title: str
+    claim: str  # what the figure claims, one sentence
+    build: Callable[[Path, str | None], Shot]  # folder, --hdri -> the shot; writes its textures into the folder
+    run: Callable[[Play], None]  # paints, solves and says what it shows
+    elements: int = 10000
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A picture of the page."""
+
+    file: str  # relative to the entry's folder
+    caption: str
+
+
+@dataclass(frozen=True)
+class Step:
+    """One round of strokes -> solve -> look layer, with its pictures."""
+
+    title: str
+    pictures: tuple[Picture, ...]
+    lines: tuple[str, ...]  # what was inferred
+    report: dict[str, Any]
+    answers: tuple[Answer, ...]
+    before: Session
+    after: Session
+    folder: Path  # of look.usda, strokes.usda, review.usda, report.json
+
+
+@dataclass(frozen=True)
+class Shown:
+    """A part of the claim, checked."""
+
+    sentence: str
+    is_true: bool
+    measured: str = ""
