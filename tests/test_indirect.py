@@ -39,7 +39,7 @@ def test_the_floor_is_predicted_as_a_path_tracer_sees_it(session: Any) -> None:
         [_paint(session, TRUTH["before"], mode="indirect")], session.scene, session.tracer, session.light_field,
         session.light_set, [],
     )[0]  # fmt: skip
-    ratio = present_radiance(painted.evidence(session.light_field)) / np.array(TRUTH["before"])
+    ratio = present_radiance(painted, session.light_field) / np.array(TRUTH["before"])
     assert np.abs(np.median(ratio, 0) - 1).max() < 0.03
 
 
@@ -53,8 +53,8 @@ def test_columns_are_the_finite_differences_of_one_bounce(session: Any) -> None:
     evidence = painted.evidence(field)
     receiver = make_receiver(painted, evidence, field, False)
     material = max(receiver.sees, key=lambda m: "subject" in session.scene.materials[m].path)
-    tables = receiver_tables([receiver], material, start, field)
-    now, rows = present_radiance(evidence), field.elements.material == material
+    tables = receiver_tables([receiver], material, start, field)[0]
+    now, rows = present_radiance(painted, field), field.elements.material == material
     try:
         for name, column in (("diffuse", tables.u), ("f0", tables.v)):
             moved = {name: getattr(start, name)[rows] + np.float32(0.02)}

@@ -1,9 +1,9 @@
 """Indirect strokes: the change is wanted where it was painted, and made elsewhere.
 
 Judged at the receiver: the samples of the stroke, and of every fixate stroke, keep their own reflectance.  For each
-material that they see, the basis fields that its elements would send out are carried along the samples' rays and
-through the samples' own reflectance to the painted direction; that gives the same four tables P, U, V, W as a
-direct stroke has, and the same candidates are fitted to them, now for every material in sight.
+material that they see, the basis fields X, Y, A, B that its elements would send out are carried along the samples'
+rays and through the samples' own reflectance to the painted direction; that gives the same four tables P, U, V, W
+as a direct stroke has, and the same candidates are fitted to them, now for every material in sight.
 
 Source: Nguyen et al. 2013, 4.2 and figures 5, 17 to 19; which carries the difference backwards instead, so that an
 element cannot know of the fixate strokes.
@@ -11,13 +11,14 @@ element cannot know of the fixate strokes.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
-from usdslf.evidence import Evidence, mean_by
+from usdslf.evidence import SHARPEST, Evidence, evaluate_columns, mean_by, unchanging_radiance
 from usdslf.light_field import LightField, Surface
 from usdslf.reflectance import column_weights, columns, lobe_parameter
 from usdslf.scene import Scene
@@ -26,10 +27,14 @@ from usdslf.solve import Tables
 if TYPE_CHECKING:
     from usdslf.infer import Painted
 
+F64 = NDArray[np.float64]
+Seen = Callable[[NDArray, NDArray], F64]  # weights (r, 4, 3) and roughness (r,) -> what the dabs see of it (n, 3)
+Parts = tuple[F64, F64, F64, F64, F64, F64, F64 | None]
 LEVELS = (0.1, 0.2, 0.3, 0.45, 0.65, 0.9)  # roughness that is asked first
 NO_LINK = 0xFFFFFFFE  # what is packed below is a link
-MOST_MATERIALS = 5
+MOST_MATERIALS = 6
 LEAST_SHARE = 0.01  # of what a stroke sees, for a material to be asked
+UNIFORM = 1e-4  # a reflectance that varies less over a material is one
 
 
 @dataclass(frozen=True)
@@ -37,11 +42,14 @@ class Receiver:
     """What carries light from rays to the painted direction.  S samples, K rays, n dabs."""
 
     painted: Painted
-    evidence: Evidence
+    dab_of_sample: NDArray[np.int64]  # (S,) 0..n-1; n and above are not the stroke's
     carry: NDArray[np.float32]  # (S, K, 3) painted radiance per radiance of each ray
-    target: NDArray[np.float64]  # (n, 3)
+    target: F64  # (n, 3)
+    place: F64  # (n, 3) position of the dabs
     sees: dict[int, float]  # material -> share of what the dabs see
     elements: NDArray[np.int64]  # that its rays are tied to
+    is_held: bool  # wants what it has
+    is_flat: bool  # one colour was painted on all of it
 
 
 def make_receiver(painted: Painted, evidence: Evidence, field: LightField, is_fixed: bool) -> Receiver:
@@ -49,27 +57,35 @@ def make_receiver(painted: Painted, evidence: Evidence, field: LightField, is_fi
     samples, surface = painted.samples, evidence.surface
     count = samples.ray_count
     local = field.device.download(samples.towards_d)[:, :, :count].transpose(0, 2, 1)
-    width = lobe_parameter(field.model, surface.roughness)[:, None]
+    width = lobe_parameter(field.model, np.maximum(surface.roughness, SHARPEST))[:, None]
     x = columns(field.model, width, samples.eye[:, None], local)  # (S, K, 4)
     weight = column_weights(field.model, surface.diffuse, surface.f0, surface.f90)  # (S, 4, 3)
     carry = np.einsum("skc,scr->skr", x, weight) * samples.gain[:, :count, None]
     all_links = field.device.download(samples.links_d)
     elements = np.unique(all_links[all_links < NO_LINK] >> 10).astype(np.int64)
     links = all_links[:, 0].reshape(len(x), count)
-    on_dab = evidence.dab_of_sample < len(evidence.target)
+    n = len(evidence.target)
+    on_dab = evidence.dab_of_sample < n
     seen = (links < NO_LINK) & on_dab[:, None]
     material = field.elements.material[links[seen] >> 10]
     share = np.bincount(material, carry.sum(2)[seen], minlength=1) / max(float(carry[on_dab].sum()), 1e-30)
     sees = {int(m): float(share[m]) for m in np.flatnonzero(share > LEAST_SHARE)}
-    target = present_radiance(evidence) if is_fixed else evidence.target
-    return Receiver(painted, evidence, carry.astype(np.float32), target, sees, elements)
+    place = mean_by(surface.position.astype(np.float64), evidence.dab_of_sample)[:n]
+    target = present_radiance(painted, field) if is_fixed else evidence.target
+    is_flat = not is_fixed and n > 2 and bool(np.ptp(target, 0).max() <= 0.01 * target.mean() + 1e-9)
+    return Receiver(
+        painted, evidence.dab_of_sample, carry.astype(np.float32), target, place, sees, elements, is_fixed, is_flat
+    )
 
 
-def present_radiance(e: Evidence) -> NDArray[np.float64]:
-    """Returns what the dabs (n, 3) send to the eye now."""
-    weight = column_weights("preview_surface", e.surface.diffuse, e.surface.f0, e.surface.f90)
-    radiance = np.einsum("scr,scr->sr", weight, e.columns[:, -1]) + e.coat
-    return mean_by(radiance, e.dab_of_sample)[: len(e.target)]
+def present_radiance(painted: Painted, field: LightField) -> F64:
+    """Returns what a stroke's dabs (n, 3) send to the eye under the light of now."""
+    samples, n = painted.samples, len(painted.rows)
+    s = samples.surface
+    found = evaluate_columns(samples, field, s.roughness[:, None].astype(np.float64))[:, 0]
+    weight = column_weights(field.model, s.diffuse, s.f0, s.f90)
+    radiance = np.einsum("scr,scr->sr", weight, found) + unchanging_radiance(samples, field)
+    return mean_by(radiance, samples.dab)[:n]
 
 
 def materials_in_sight(receivers: list[Receiver], scene: Scene, kept: set[int]) -> list[int]:
@@ -82,81 +98,113 @@ def materials_in_sight(receivers: list[Receiver], scene: Scene, kept: set[int]) 
     return sorted(free, key=lambda m: -total[m])[:MOST_MATERIALS]
 
 
+def rows_in_sight(receivers: list[Receiver], material: int, field: LightField) -> NDArray[np.int64]:
+    """Returns the elements of a material that receivers are tied to."""
+    rows = np.unique(np.concatenate([r.elements for r in receivers]))
+    return rows[field.elements.material[rows] == material]
+
+
+def carried(receivers: list[Receiver], field: LightField, field_d: object) -> F64:
+    """Carries a field along all receivers' rays to their dabs, in order: (n, 3)."""
+    arriving = []
+    for r in receivers:
+        samples = r.painted.samples
+        radiance = field.follow_links(samples.links_d, samples.weights_d, field_d)
+        sent = (radiance.reshape(r.carry.shape) * r.carry).sum(1, dtype=np.float64)
+        arriving.append(mean_by(sent, r.dab_of_sample)[: len(r.target)])
+    return np.concatenate(arriving)
+
+
 def receiver_tables(
     receivers: list[Receiver], material: int, original: Surface, field: LightField, levels: NDArray | None = None
-) -> Tables:
+) -> tuple[Tables, Tables | None]:
     """Builds the tables of one material's change, as the receivers see it, under the light of now.
 
     Args:
         original: reflectance that the change counts from; the light field may have another one now.
         levels: (J,) roughness to look at; default LEVELS.
+
+    Returns: the tables, and those of the metal that the material might become, of which p and v only count; None
+    for what is a metal already or is textured.
     """
-    rows = np.unique(np.concatenate([r.elements for r in receivers]))
-    rows = rows[field.elements.material[rows] == material]
+    rows = rows_in_sight(receivers, material, field)
     d, f0, f90, rough = (getattr(original, k)[rows] for k in ("diffuse", "f0", "f90", "roughness"))
     is_metal = bool(np.abs(f90 - f0).max() < 2e-3 and d.max() < 0.02)
-    is_textured = bool(d.std(0).max() > 5e-3)
     levels = np.array(LEVELS) if levels is None else levels
     mean_rough = float(np.average(rough))
-    zero, one = np.zeros_like(d), np.ones_like(d)
-
-    def seen(weights: NDArray, roughness: NDArray) -> list[NDArray]:
-        field_d = field.respond(rows, weights, roughness)
-        return [_carried(r, field, field_d) for r in receivers]
-
-    def columns_of(dx: NDArray, dy: NDArray, a: NDArray, b: NDArray) -> NDArray:
-        return np.stack([dx, dy, a, b], 1)
-
-    phong = field.model == "phong"
-    u_weights = columns_of(one if phong else 1 - f0, zero if phong else 1 - f90, zero, zero)
-    w_weights = columns_of(zero if phong else one, one if is_metal and not phong else zero, zero, zero)
-    now = field.surface
-    present = column_weights(field.model, now.diffuse[rows], now.f0[rows], now.f90[rows])
-    base_weights = column_weights(field.model, d, f0, f90)
-    v_weights = columns_of(zero if phong else -d, zero, one, one if is_metal and not phong else zero)
-    base = [
-        total - sent
-        for total, sent in zip(
-            [present_total(r, field) for r in receivers], seen(present, now.roughness[rows]), strict=True
-        )
-    ]
-    u, w = seen(u_weights, rough), seen(w_weights, rough)
-    tint_u, tint_w = (u, w)
-    if is_textured:
-        tint_u, tint_w = seen(u_weights * d[:, None], rough), seen(w_weights * d[:, None], rough)
     all_levels = [np.clip(rough + (r - mean_rough), 0.001, 1) for r in levels] + [rough]
-    p = [[b + s for b, s in zip(base, seen(base_weights, r), strict=True)] for r in all_levels]
-    v = [seen(v_weights, r) for r in all_levels]
+    now = field.surface
+
+    def seen(weights: NDArray, roughness: NDArray) -> F64:
+        return carried(receivers, field, field.respond(rows, weights, roughness))
+
+    present = column_weights(field.model, now.diffuse[rows], now.f0[rows], now.f90[rows])
+    total = np.concatenate([present_radiance(r.painted, field) for r in receivers])
+    base = total - seen(present, now.roughness[rows])
+    is_uniform = max(float(x.std(0).max()) for x in (d, f0, f90)) < UNIFORM
+    parts = _uniform_parts if is_uniform else _varying_parts
+    p, u, v, w, tint_u, tint_w, metal_v = parts(seen, field.model, d, f0, f90, all_levels, is_metal)
     j = len(all_levels)
-    every = range(len(receivers))
-    stack = lambda x: np.concatenate([np.stack([x[k][i] for k in range(j)], 1) for i in every])  # noqa: E731
-    spread = lambda x: np.repeat(np.concatenate(x)[:, None], j, 1)  # noqa: E731
+    spread = lambda x: np.repeat(x[:, None], j, 1)  # noqa: E731
     target = np.concatenate([r.target for r in receivers])
-    stroke = np.concatenate([np.full(len(r.target), i) for i, r in enumerate(receivers)])
-    mean = np.array([target[stroke == s].mean() for s in stroke])
-    flat = np.array([len(r.target) > 2 and bool(np.ptp(r.target, 0).max() < 1e-9) for r in receivers])
-    place = np.concatenate([_places(r) for r in receivers])
+    # who holds a place makes no error of brightness over the stroke: each dab stands for itself
+    number = np.concatenate([np.full(len(r.target), i) for i, r in enumerate(receivers)])
+    held = np.concatenate([np.full(len(r.target), r.is_held) for r in receivers])
+    mean = np.array([target[number == s].mean() for s in number])
+    stroke = np.where(held, len(receivers) + np.arange(len(number)), number)
+    flat = np.concatenate([np.full(len(r.target), r.is_flat) for r in receivers])
     none = np.zeros((0, j, 3))
-    return Tables(
-        target, np.abs(target) + 0.1 * mean[:, None] + 1e-6, place, stroke, flat[stroke], stack(p), spread(u), stack(v),
-        spread(w), spread(tint_u), spread(tint_w), (none, none, none, none, np.zeros((0, 3))), (none, none, none, none),
-        np.concatenate([levels, [mean_rough]]), d.mean(0).astype(np.float64), f0.mean(0).astype(np.float64), mean_rough,
-        is_metal, is_textured,
+    tables = Tables(
+        target, np.abs(target) + 0.1 * mean[:, None] + 1e-6, np.concatenate([r.place for r in receivers]), stroke, flat,
+        base[:, None] + p, spread(u), v, spread(w), spread(tint_u), spread(tint_w),
+        (none, none, none, none, np.zeros((0, 3))), (none, none, none, none), np.concatenate([levels, [mean_rough]]),
+        d.mean(0).astype(np.float64), f0.mean(0).astype(np.float64), mean_rough, is_metal,
+        bool(d.std(0).max() > 5e-3),
     )  # fmt: skip
+    if metal_v is None:
+        return tables, None
+    nothing = np.zeros_like(tables.u)
+    as_metal = replace(
+        tables, p=base[:, None] + tables.f0 * metal_v, u=nothing, v=metal_v, w=nothing, tint_u=nothing, tint_w=nothing,
+        diffuse=np.zeros(3), is_metal=True,
+    )  # fmt: skip
+    return tables, as_metal
 
 
-def present_total(r: Receiver, field: LightField) -> NDArray[np.float64]:
-    """Returns what the dabs (n, 3) of a receiver send to the eye under the light of now."""
-    return present_radiance(r.painted.evidence(field))
+def _uniform_parts(
+    seen: Seen, model: str, d: NDArray, f0: NDArray, f90: NDArray, levels: list[NDArray], is_metal: bool
+) -> Parts:
+    """P, U, V, W, U and W of a tint, V of a metal, for a material of one colour: from its X, Y, A and B."""
+    zero, one = np.zeros_like(d), np.ones_like(d)
+    d_, f0_, f90_ = (x.mean(0).astype(np.float64) for x in (d, f0, f90))
+    phong = model == "phong"
+    alone = lambda k: np.stack([one if i == k else zero for i in range(4)], 1)  # noqa: E731
+    x = seen(alone(0), levels[-1])
+    y = np.zeros_like(x) if phong else seen(alone(1), levels[-1])
+    a = np.stack([seen(alone(2), r) for r in levels], 1)
+    b = np.zeros_like(a) if phong else np.stack([seen(alone(3), r) for r in levels], 1)
+    if phong:
+        return (d_ * x)[:, None] + f0_ * a, x, a, 0 * x, d_ * x, 0 * x, None
+    u = (1 - f0_) * x + (1 - f90_) * y
+    p = (d_ * u)[:, None] + f0_ * a + f90_ * b
+    if is_metal:
+        return p, u, a + b - (d_ * (x + y))[:, None], x + y, d_ * u, d_ * (x + y), None
+    return p, u, a - (d_ * x)[:, None], x, d_ * u, d_ * x, a + b
 
 
-def _places(r: Receiver) -> NDArray[np.float64]:
-    position = r.evidence.surface.position.astype(np.float64)
-    return mean_by(position, r.evidence.dab_of_sample)[: len(r.target)]
-
-
-def _carried(r: Receiver, field: LightField, field_d: object) -> NDArray[np.float64]:
-    """Carries a field along a receiver's rays to its dabs (n, 3)."""
-    radiance = field.follow_links(r.painted.samples.links_d, r.painted.samples.weights_d, field_d)
-    arriving = (radiance.reshape(r.carry.shape) * r.carry).sum(1, dtype=np.float64)
-    return mean_by(arriving, r.evidence.dab_of_sample)[: len(r.target)]
+def _varying_parts(
+    seen: Seen, model: str, d: NDArray, f0: NDArray, f90: NDArray, levels: list[NDArray], is_metal: bool
+) -> Parts:
+    """The same for a material whose colours vary over its elements."""
+    zero, one = np.zeros_like(d), np.ones_like(d)
+    phong = model == "phong"
+    tied = is_metal and not phong
+    of = lambda *c: np.stack(c, 1)  # noqa: E731
+    u_weights = of(one, zero, zero, zero) if phong else of(1 - f0, 1 - f90, zero, zero)
+    w_weights = of(zero, zero, zero, zero) if phong else of(one, one if tied else zero, zero, zero)
+    v_weights = of(zero if phong else -d, -d if tied else zero, one, one if tied else zero)
+    own = levels[-1]
+    p = np.stack([seen(column_weights(model, d, f0, f90), r) for r in levels], 1)
+    v = np.stack([seen(v_weights, r) for r in levels], 1)
+    tint_u, tint_w = (seen(x * d[:, None], own) for x in (u_weights, w_weights))
+    return p, seen(u_weights, own), v, seen(w_weights, own), tint_u, tint_w, None

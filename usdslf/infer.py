@@ -47,6 +47,18 @@ class Pool:
 
 
 @dataclass(frozen=True)
+class Alternative:
+    """One of the explanations of an indirect stroke."""
+
+    id: str  # "specular+glossiness of /World/mtl/ring"
+    cost: float
+    materials: tuple[str, ...]  # paths of what would change
+    after: dict[str, NDArray]  # of the first of them, as in Answer; empty where nothing would change
+    is_chosen: bool
+    is_tie: bool  # explains it about as well as the chosen one, by another change
+
+
+@dataclass(frozen=True)
 class Answer:
     """What was inferred for one pool."""
 
@@ -60,10 +72,14 @@ class Answer:
     residual_after: float
     rounds: tuple[float, ...]  # residual after each round of bounces
     reach: float = 1.0  # factor that brings the paint within what the surface can send
+    others: tuple[Alternative, ...] = ()  # of an indirect stroke: explanations by all materials in sight
+    note: str = ""  # of an indirect stroke: how well its radiance is met, or why it cannot be
 
     @property
     def is_ambiguous(self) -> bool:
         """Whether another explanation costs about the same."""
+        if self.others:
+            return any(a.is_tie for a in self.others)
         others = [c.cost for c in self.candidates if c.id != self.chosen.id]
         return bool(others) and min(others) - self.chosen.cost < AMBIGUOUS
 

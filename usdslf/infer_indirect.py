@@ -1,162 +1,413 @@
-"""Infer, for indirect strokes: which other material has to change so that a stroke's area looks as painted.
+"""Infer, for indirect strokes: which other materials have to change so that a stroke's area looks as painted.
 
-The cheapest pair of material and candidate is taken, its light sent round, its values fitted again; where the
-stroke's radiance is still not met, the next material is asked on top of it.
+Every material in sight is asked with every candidate, and all of them together with their diffuse colours: these are
+the explanations, cheapest first.  The cheapest, or the one that was chosen, is fitted under all bounces; where the
+stroke's radiance is still not met, the next material is asked on top of it and all are fitted together.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from usdslf.errors import SolveError
-from usdslf.indirect import Receiver, make_receiver, materials_in_sight, present_total, receiver_tables
-from usdslf.infer import Answer, Painted, Pool, fixed_materials, means_of
+from usdslf.errors import SolveError, StrokeError
+from usdslf.indirect import F64, Receiver, make_receiver, materials_in_sight, receiver_tables
+from usdslf.indirect_fit import Change, Fitted, fit_changes, mean_error, radiance_of
+from usdslf.infer import Alternative, Answer, Painted, Pool, fixed_materials, means_of
 from usdslf.light_field import LightField, Surface
 from usdslf.scene import Scene
-from usdslf.solve import Candidate, Options, Tables, enumerate_candidates, refit, relative_error
-from usdslf.tools import asks_for_nothing
+from usdslf.solve import (
+    Candidate,
+    Options,
+    Tables,
+    bounded_least_squares,
+    enumerate_candidates,
+    pool_tables,
+    relative_error,
+    whiten,
+)
+from usdslf.tools import asks_for_nothing, expected_error
 
+# Light that went through the bins of two surfaces is foreseen worse, dab by dab, than what arrives directly; what is
+# asked for is far from what is there, so that errors count by their squares for longer.
+DAB_ERROR, DRIFT_ERROR, TINT_ERROR, OUTLIER, TAIL = 0.15, 0.05, 0.03, 100.0, 8.0
 MET = 0.05  # relative error of a stroke's mean colour at which it counts as met
-MOST_CHANGES = 3  # materials that one set of strokes may change
-ROUNDS = 3  # of bounces for each
-FINE = (-0.05, -0.025, 0.0, 0.025, 0.05)  # roughness about the chosen level
+MOST_CHANGES = 4  # materials that are asked one after the other
+BETTER = 0.8  # of the error that is left, for another material to be worth while
+UNMET_COST = 1.0  # of each percent beyond MET by which an explanation is foreseen to miss a stroke's mean
+MOST_UNMET = 40.0
 MATERIAL_COST = 4.0  # of each material beside the first
+AMBIGUOUS = 6.0  # cost between two explanations that is no difference
+SEEN = 0.01  # change of a reflectance that is said
+MOST_DIELECTRIC = 0.3  # F0; no dielectric reflects as much
+JOINT_REACH = 0.5  # of a reflectance, that counts as one dab's error where all in sight change together
+SERVES = 0.1  # share of the largest change of a stroke, for a material to count as changed for it
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """One way to answer: changes of one material or of several."""
+
+    id: str
+    cost: float
+    changes: tuple[Change, ...]
+    tables: Tables
 
 
 def infer_indirect(
     painted: list[Painted], scene: Scene, field: LightField, options: Options | None = None, bounces: int = 6,
-    warnings: list[str] | None = None,
+    warnings: list[str] | None = None, choose: dict[str, str] | None = None, direct: Sequence[Answer] = (),
 ) -> list[Answer]:  # fmt: skip
     """Finds the changes of other materials that indirect strokes ask for; the light field is left with them.
 
     Args:
-        painted: all strokes; direct ones other than fixate are passed over.
-        warnings: takes the reason where a stroke's radiance cannot be met, and near ties of materials.
+        painted: all strokes; what direct ones found stays as it is.
+        warnings: takes the reason where a stroke's radiance cannot be met, and near ties.
+        choose: stroke name -> id of the alternative to take instead of the best.
+        direct: what the direct strokes found; the light field has it already.
 
-    Raises: SolveError where nothing that may change is in sight.
+    Raises: SolveError where nothing that may change is in sight, StrokeError for an alternative that is none.
     """
-    options, said = options or Options(), warnings if warnings is not None else []
+    said = warnings if warnings is not None else []
+    painted = [_with_answers(p, direct, scene) for p in painted]
     evidence = [p.evidence(field) for p in painted]
     wanted = [i for i, p in enumerate(painted) if p.stroke.mode == "indirect" and not asks_for_nothing(p.stroke)]
-    held = [i for i, p in enumerate(painted) if p.stroke.tool == "fixate" and p.stroke.strength > 0]
+    fixing = [i for i, p in enumerate(painted) if asks_for_nothing(p.stroke) and p.stroke.tool == "fixate"]
+    # a direct stroke's area has what it asked for: it holds it
+    held = fixing + [i for i, p in enumerate(painted) if p.stroke.mode == "direct" and i not in fixing]
     receivers = [make_receiver(painted[i], evidence[i], field, False) for i in wanted]
     receivers += [make_receiver(painted[i], evidence[i], field, True) for i in held]
+    idle = [i for i, p in enumerate(painted) if p.stroke.mode == "indirect" and i not in wanted]
+    answers = [_no_change(i, painted, evidence, field) for i in idle]
+    if not wanted:
+        return answers
+    asking = [painted[i].stroke for i in wanted]
+    options = options or Options()
+    norms = {s.norm for s in asking} - {"mixed"}
+    options = replace(options, norm=norms.pop()) if len(norms) == 1 else options
+    options = replace(
+        options, dab_error=max(DAB_ERROR, options.dab_error, expected_error(asking)), drift_error=DRIFT_ERROR,
+        tint_error=TINT_ERROR, outlier=OUTLIER, tail=TAIL,
+    )  # fmt: skip
     kept = {int(m) for i in wanted for m in np.unique(evidence[i].material)} | set(fixed_materials(evidence))
-    where = ", ".join(painted[i].stroke.path for i in wanted)
+    kept |= {a.pool.material for a in direct if a.chosen.freed}
+    asked = next((w for s in asking if (w := (choose or {}).get(s.name) or s.choice)), "")
+
+    start, before = field.surface, radiance_of(receivers, field)
+    where = ", ".join(s.path for s in asking)
+    materials = materials_in_sight(receivers[: len(wanted)], scene, kept)
+    if not materials:
+        raise SolveError(f"{where}: {_nothing_in_sight(receivers[: len(wanted)], scene, kept)}")
+    explanations = _explanations(receivers, materials, scene, field, options)
+    is_met = mean_error(receivers, before) < MET
+    chosen = _choose(explanations, asked, is_met, where)
+    fitted = _fit(chosen, receivers, start, field, options, bounces)
+    others = [e for e in explanations if e.id != chosen.id and e.changes]
+    if not asked and chosen.changes:
+        ties = [e.id for e in others if _is_tie(e, chosen)]
+        if ties:
+            said.append(
+                f"{where}: {chosen.id} and {' and '.join(ties[:3])} explain it about equally well; "
+                "add fixate strokes or choose one"
+            )
+        fitted = _add_materials(fitted, chosen, receivers, start, materials, scene, field, options, bounces)
+    error = mean_error(receivers, fitted.radiance)
+    note = f"met within {error:.1%}"
+    if error >= MET:
+        note = f"the painted radiance is met within {error:.0%} only; {_reason(fitted, receivers, chosen, field)}"
+        said.append(f"{where}: {note}")
+    alternatives = tuple(_alternative(e, scene, e.id == chosen.id, not asked and _is_tie(e, chosen)) for e in explanations)
+    return answers + _answers(fitted, chosen, alternatives, note, wanted, before, painted, evidence, field)
+
+
+# ── explanations ─────────────────────────────────────────────────────────────────────────────────
+
+
+def _explanations(
+    receivers: list[Receiver], materials: list[int], scene: Scene, field: LightField, options: Options
+) -> list[Explanation]:
+    """All explanations, cheapest first."""
+    found: list[Explanation] = []
+    own: list[tuple[int, Tables]] = []
+    for m in materials:
+        tables, as_metal = receiver_tables(receivers, m, field.surface, field)
+        own.append((m, tables))
+        candidates = [_plausible(c, tables, options) for c in enumerate_candidates(tables, options)]
+        candidates = [replace(c, cost=c.cost + _unmet(_foreseen(c, tables), receivers)) for c in candidates]
+        if as_metal is not None and options.norm == "mixed" and not scene.materials[m].use_specular_workflow:
+            candidates += _as_metals(as_metal, tables, options, receivers)
+        candidates.sort(key=lambda c: c.cost)
+        for i, c in enumerate(candidates):
+            if c.id in {other.id for other in candidates[:i]}:
+                continue
+            changes = (Change.of(m, c, tables),) if c.freed else ()
+            name = f"{c.id} of {scene.materials[m].path}" if c.freed else "none"
+            found.append(Explanation(name, c.cost, changes, tables))
+    if len(own) > 1:
+        found.append(_all_in_sight(own, options, receivers))
+    found.sort(key=lambda e: e.cost)
+    return [e for i, e in enumerate(found) if e.id not in {other.id for other in found[:i]}]
+
+
+def _plausible(c: Candidate, t: Tables, o: Options) -> Candidate:
+    """The candidate with the cost of a dielectric that reflects like a metal."""
+    is_odd = not t.is_metal and "specular" in c.freed and float(c.f0_of(t.f0).mean()) > MOST_DIELECTRIC
+    return replace(c, cost=c.cost + o.kind) if is_odd else c
+
+
+def _foreseen(c: Candidate, t: Tables) -> F64:
+    """Radiance (n, 3) of the dabs by one bounce."""
+    u, w = (t.tint_u, t.tint_w) if c.is_tint else (t.u, t.w)
+    dd, df, j = c.delta_diffuse, c.delta_f0, c.level
+    return t.p[:, j] + dd * u[:, j] + df * t.v[:, j] - dd * df * w[:, j]
+
+
+def _unmet(radiance: F64, receivers: list[Receiver]) -> float:
+    """Cost of strokes whose mean radiance would not be met."""
+    return float(np.clip(100 * UNMET_COST * (mean_error(receivers, radiance) - MET), 0, MOST_UNMET))
+
+
+def _as_metals(as_metal: Tables, t: Tables, o: Options, receivers: list[Receiver]) -> list[Candidate]:
+    """The candidates that make a metal of a dielectric."""
+    found = []
+    for c in enumerate_candidates(as_metal, o, ("specular", "glossiness")):
+        if "specular" not in c.freed:
+            continue
+        f0 = float(c.f0_of(t.f0).mean())
+        cost = c.cost + (0.5 if f0 > MOST_DIELECTRIC else 2.0) * o.kind + _unmet(_foreseen(c, as_metal), receivers)
+        freed = ("diffuse", *c.freed)
+        found.append(replace(c, freed=freed, delta_diffuse=-t.diffuse, is_metallic=True, cost=cost))
+    return found
+
+
+def _all_in_sight(own: list[tuple[int, Tables]], o: Options, receivers: list[Receiver]) -> Explanation:
+    """The diffuse colours of all materials in sight, each as little as need be."""
+    t = own[0][1]
+    white = whiten(t, o)
+    columns = []
+    for _, each in own:
+        u = each.u[:, each.own] / t.scale
+        columns += [white @ (u * channel).reshape(-1) for channel in np.eye(3)]
+    a = np.stack(columns, 1)
+    r = white @ ((t.target - t.p[:, t.own]) / t.scale).reshape(-1)
+    low, high = (np.concatenate(x) for x in zip(*((-each.diffuse, 1 - each.diffuse) for _, each in own), strict=True))
+    x = bounded_least_squares(
+        np.concatenate([a, np.eye(a.shape[1]) / JOINT_REACH]), np.concatenate([r, np.zeros(a.shape[1])]), low, high
+    )
+    n = len(t.target)
+    misfit = float(((r - a @ x) ** 2).sum())
+    freed = ("diffuse",) if o.norm != "l2" else ("diffuse", "specular", "glossiness")
+    cost = n * o.tail * np.log1p(misfit / (n * o.tail)) + 3 * o.freedom + (len(own) - 1) * MATERIAL_COST
+    changes, radiance = [], t.p[:, t.own]
+    for i, (m, each) in enumerate(own):
+        delta = x[3 * i : 3 * i + 3]
+        radiance = radiance + delta * each.u[:, each.own]
+        c = Candidate(freed, delta_diffuse=delta, level=each.own, freedoms=3 if o.norm != "l2" else 7)
+        changes.append(Change.of(m, c, each))
+    cost += _unmet(radiance, receivers) - (1e6 if o.norm == "l2" else 0.0)
+    return Explanation(f"{'+'.join(freed)} of all in sight", float(cost), tuple(changes), t)
+
+
+def _choose(explanations: list[Explanation], asked: str, is_met: bool, where: str) -> Explanation:
+    """The explanation that was asked for by its id or by its parameters alone, or the cheapest."""
+    if not asked:
+        if is_met:
+            return explanations[0]
+        # what is not met is wanted, however small
+        return next(e for e in explanations if e.changes)
+    name = asked.replace("@", " of ", 1)
+    for e in explanations:
+        if name in (e.id, e.id.split(" of ")[0]):
+            return e
+    known = ", ".join(e.id for e in explanations)
+    raise StrokeError(f"{where}: there is no alternative '{asked}'; choose one of {known}")
+
+
+# ── fit ──────────────────────────────────────────────────────────────────────────────────────────
+
+
+def _fit(
+    e: Explanation, receivers: list[Receiver], start: Surface, field: LightField, options: Options, bounces: int
+) -> Fitted:
+    if not e.changes:
+        return Fitted((), (mean_error(receivers, radiance_of(receivers, field)),), radiance_of(receivers, field), start)
+    fitted = fit_changes(e.changes, receivers, e.tables, start, field, options, bounces)
+    visible = tuple(c for c in fitted.changes if np.abs(c.vector).max() > SEEN)
+    if len(visible) < len(fitted.changes) and visible:
+        fitted = fit_changes(visible, receivers, e.tables, start, field, options, bounces)
+    return fitted
+
+
+def _add_materials(
+    fitted: Fitted, chosen: Explanation, receivers: list[Receiver], start: Surface, materials: list[int], scene: Scene,
+    field: LightField, options: Options, bounces: int,
+) -> Fitted:  # fmt: skip
+    """Asks further materials while the strokes are not met and it helps."""
+    error = mean_error(receivers, fitted.radiance)
+    while error >= MET and len(fitted.changes) < MOST_CHANGES:
+        free = [m for m in materials if m not in {c.material for c in fitted.changes}]
+        if not free:
+            break
+        more = [e for e in _explanations(receivers, free, scene, field, options) if len(e.changes) == 1]
+        if not more:
+            break
+        tried = fit_changes(
+            [*fitted.changes, *more[0].changes], receivers, chosen.tables, start, field, options, bounces
+        )
+        left = mean_error(receivers, tried.radiance)
+        if left > BETTER * error:
+            field.set_surface(fitted.surface)
+            for _ in field.converge(bounces):
+                pass
+            break
+        fitted, error = tried, left
+    return fitted
+
+
+# ── what is said ─────────────────────────────────────────────────────────────────────────────────
+
+
+def _answers(
+    fitted: Fitted, chosen: Explanation, alternatives: tuple[Alternative, ...], note: str, wanted: list[int],
+    before: F64, painted: list[Painted], evidence: list, field: LightField,
+) -> list[Answer]:  # fmt: skip
+    """One answer for each changed material, and one for each stroke that no change serves."""
+    t = chosen.tables
+    counts = [len(evidence[i].target) for i in wanted]
+    ends = np.cumsum(counts)
+    spans = {i: slice(e - c, e) for i, e, c in zip(wanted, ends, counts, strict=True)}
+    total = int(ends[-1])
+    errors = [
+        float(np.sqrt(np.mean(((x[:total] - t.target[:total]) / t.scale[:total]) ** 2)))
+        for x in (before, fitted.radiance)
+    ]
     answers: list[Answer] = []
-    unmet = np.inf
-    for number in range(MOST_CHANGES):
-        used = kept | {a.pool.material for a in answers}
-        materials = materials_in_sight(receivers[: len(wanted)], scene, used)
-        answer = _best_answer(receivers, materials, tuple(wanted), scene, field, options, number, said)
-        if answer is None:
-            if not answers:
-                raise SolveError(f"{where}: nothing that may change is in sight of the stroke; paint a direct one")
-            break
-        if not answer.chosen.freed:
-            break
-        answers.append(_settle(answer, receivers, len(wanted), field, options, bounces))
-        unmet = mean_error(receivers[: len(wanted)], field)
-        if unmet < MET:
-            return answers
-    if answers:
-        bound = any(_at_bound(a) for a in answers)
-        reason = "a reflectance is at its bound" if bound else "nothing else in sight explains more of it"
-        said.append(f"{where}: the painted radiance is met within {unmet:.0%} only; {reason}")
+    serves = _serves(fitted, wanted, spans, field, painted)
+    for c, strokes in zip(fitted.changes, serves, strict=True):
+        tables = replace(t, diffuse=c.diffuse, f0=c.f0, roughness=c.roughness, is_metal=c.is_metal)
+        old, new = means_of(tables, c.candidate)
+        pool = Pool(c.material, "material", (), strokes)
+        answers.append(
+            Answer(
+                pool, c.candidate, (c.candidate,), tables, old, new, errors[0], errors[1], fitted.rounds, alternatives,
+                note,
+            )
+        )  # fmt: skip
+    reached = {i for strokes in serves for i in strokes}
+    for i in wanted:
+        if i not in reached:
+            answers.append(replace(_no_change(i, painted, evidence, field), others=alternatives, note=note))
     return answers
 
 
-def _best_answer(
-    receivers: list[Receiver], materials: list[int], strokes: tuple[int, ...], scene: Scene, field: LightField,
-    options: Options, number: int, said: list[str],
-) -> Answer | None:  # fmt: skip
-    """The cheapest candidate over all materials in sight."""
-    asked: list[tuple[float, int, list[Candidate], Tables]] = []
-    for material in materials:
-        tables = receiver_tables(receivers, material, field.surface, field)
-        candidates = enumerate_candidates(tables, options)
-        asked.append((candidates[0].cost + MATERIAL_COST * number, material, candidates, tables))
-    if not asked:
-        return None
-    asked.sort(key=lambda a: a[0])
-    cost, material, candidates, tables = asked[0]
-    if len(asked) > 1 and asked[1][0] - cost < MATERIAL_COST and candidates[0].freed:
-        names = " and ".join(f"{a[2][0].id} of {scene.materials[a[1]].path}" for a in asked[:2])
-        said.append(f"an indirect stroke is ambiguous: {names} explain it about equally well; add a fixate stroke")
-    before = relative_error(_only(tables, len(strokes)), Candidate((), level=tables.own))
-    none, _ = means_of(tables, Candidate(()))
-    pool = Pool(material, "material", (), strokes)
-    return Answer(pool, candidates[0], tuple(candidates), tables, none, none, before, before, ())
+def _serves(
+    fitted: Fitted, wanted: list[int], spans: dict[int, slice], field: LightField, painted: list[Painted]
+) -> list[tuple[int, ...]]:
+    """Which strokes each change is made for: those that see its material enough."""
+    out = []
+    for c in fitted.changes:
+        shares = {i: _share(painted[i], c.material, field) for i in wanted}
+        most = max(shares.values(), default=0.0)
+        out.append(tuple(i for i in wanted if shares[i] > SERVES * most) or tuple(wanted))
+    return out
 
 
-def _settle(
-    answer: Answer, receivers: list[Receiver], wanted: int, field: LightField, options: Options, bounces: int
-) -> Answer:
-    """Sends the changed light round and fits the values again, until they stay."""
-    start = field.surface
-    chosen, rounds = answer.chosen, list(answer.rounds)
-    best: tuple[float, Candidate, Surface] | None = None
-    for _ in range(ROUNDS):
-        field.set_surface(changed(start, field, answer.pool.material, chosen, answer.tables.is_metal))
-        for _ in field.converge(bounces):
-            pass
-        levels = np.zeros(0)
-        if "glossiness" in chosen.freed:
-            center = answer.tables.roughness + chosen.roughness_shift
-            levels = np.unique(np.clip(center + np.array(FINE), 0.01, 1.0))
-        tables = receiver_tables(receivers, answer.pool.material, start, field, levels)
-        now = int(np.abs(levels - center).argmin()) if len(levels) else tables.own
-        error = relative_error(_only(tables, wanted), replace(chosen, level=now))
-        rounds.append(error)
-        if best is None or error < best[0]:
-            best = (error, chosen, field.surface)
-        if error < 0.01 or (len(rounds) > 1 and abs(rounds[-1] - rounds[-2]) < 0.01 * rounds[-2]):
-            break
-        choice = range(len(levels)) if len(levels) else [tables.own]
-        fits = [refit(tables, replace(chosen, level=j), options) for j in choice]
-        chosen = min(fits, key=lambda c: c.misfit)
-        if len(levels):
-            chosen = replace(chosen, roughness_shift=float(tables.levels[chosen.level] - tables.roughness))
-    assert best is not None
-    error, chosen, surface = best
-    field.set_surface(surface)
-    for _ in field.converge(bounces):
-        pass
-    before, after = means_of(answer.tables, chosen)
-    return replace(answer, chosen=chosen, before=before, after=after, residual_after=error, rounds=tuple(rounds))
+def _share(painted: Painted, material: int, field: LightField) -> float:
+    """How many of a stroke's rays meet a material."""
+    links = field.device.download(painted.samples.links_d)[:, 0]
+    met = links[links < 0xFFFFFFFE] >> 10
+    return float((field.elements.material[met] == material).sum()) / max(len(links), 1)
 
 
-def mean_error(receivers: list[Receiver], field: LightField) -> float:
-    """Largest relative error of a receiver's mean colour, any channel, under the light of now."""
-    errors = []
-    for r in receivers:
-        got, target = present_total(r, field).sum(0), r.target.sum(0)
-        errors.append(np.abs(got - target) / (target + 0.1 * target.mean() + 1e-9))
-    return float(np.max(errors))
+def _no_change(i: int, painted: list[Painted], evidence: list, field: LightField) -> Answer:
+    """The answer of a stroke that changes nothing."""
+    values, counts = np.unique(evidence[i].material, return_counts=True)
+    material = int(values[counts.argmax()])
+    t = pool_tables([evidence[i]], material, field.model)
+    none = Candidate((), level=t.own)
+    before, _ = means_of(t, none)
+    error = relative_error(t, none)
+    return Answer(Pool(material, "material", (), (i,), True), none, (none,), t, before, before, error, error, ())
 
 
-def changed(start: Surface, field: LightField, material: int, c: Candidate, is_metal: bool) -> Surface:
-    """Returns the elements' reflectance with a candidate applied to a material."""
-    rows = field.elements.material == material
-    f0 = c.f0_of(start.f0[rows])
-    f90 = f0 if is_metal and "specular" in c.freed else start.f90[rows]
-    return start.with_rows(
-        rows, diffuse=c.diffuse_of(start.diffuse[rows]), f0=f0, f90=f90, roughness=c.roughness_of(start.roughness[rows])
-    )
+def _look(e: Explanation) -> tuple:
+    """What an explanation does, as far as it is seen: to shine like a metal or to be one is alike."""
+    freed = lambda c: tuple(g for g in c.freed if g != "diffuse" or not c.is_metallic)  # noqa: E731
+    return tuple((c.material, freed(c.candidate)) for c in e.changes)
 
 
-def _only(t: Tables, strokes: int) -> Tables:
-    """The tables of the first strokes alone: those that want something."""
-    rows: NDArray = t.stroke < strokes
-    named = {k: getattr(t, k)[rows] for k in ("target", "scale", "place", "stroke", "flat")}
-    named |= {k: getattr(t, k)[rows] for k in ("p", "u", "v", "w", "tint_u", "tint_w")}
-    return replace(t, **named)
+def _is_tie(e: Explanation, chosen: Explanation) -> bool:
+    """Whether another explanation is as good as the chosen one, and not the same in other words."""
+    is_near = e.cost - chosen.cost < AMBIGUOUS
+    return is_near and bool(e.changes) and bool(chosen.changes) and _look(e) != _look(chosen)
 
 
-def _at_bound(a: Answer) -> bool:
-    values = np.concatenate([a.after["diffuse"], a.after["specular"]])
-    moved = values != np.concatenate([a.before["diffuse"], a.before["specular"]])
-    return bool(np.any(moved & ((values < 1e-3) | (values > 1 - 1e-3))))
+def _alternative(e: Explanation, scene: Scene, is_chosen: bool, is_tie: bool) -> Alternative:
+    first = e.changes[0] if e.changes else None
+    after: dict[str, NDArray] = {}
+    if first is not None:
+        c = first.candidate
+        after = {
+            "diffuse": c.diffuse_of(first.diffuse),
+            "specular": c.f0_of(first.f0),
+            "roughness": c.roughness_of(np.array([first.roughness])),
+        }
+    materials = tuple(scene.materials[c.material].path for c in e.changes)
+    return Alternative(e.id, e.cost, materials, after, is_chosen, is_tie)
+
+
+def _nothing_in_sight(receivers: list[Receiver], scene: Scene, kept: set[int]) -> str:
+    """Why no material can be asked."""
+    seen = {m for r in receivers for m in r.sees}
+    reasons = {scene.materials[m].why_not_editable for m in seen - kept} - {""}
+    if reasons:
+        return f"nothing that may change is in sight of the stroke ({sorted(reasons)[0]}); paint a direct one"
+    if seen:
+        return "the stroke sees only its own material and fixated ones, nothing that may change is in sight"
+    return "nothing that may change is in sight of the stroke; paint a direct one"
+
+
+def _reason(fitted: Fitted, receivers: list[Receiver], chosen: Explanation, field: LightField) -> str:
+    """Why the strokes cannot be met."""
+    at_bound = [c for c in fitted.changes if _is_at_bound(c)]
+    n = sum(len(r.target) for r in receivers if not r.is_held)
+    got, target = fitted.radiance[:n], chosen.tables.target[:n]
+    is_short = bool(got.mean() < target.mean())
+    if at_bound and is_short:
+        return "what it sees reflects all it can: there is not enough light for more"
+    if at_bound:
+        return "what it sees reflects nothing any more: the rest comes from elsewhere"
+    if any(r.is_held for r in receivers):
+        return "more would change what other strokes hold"
+    return "no reflectance of what is in sight gives this colour"
+
+
+def _is_at_bound(c: Change) -> bool:
+    low, high = c.bounds
+    x = c.vector
+    return bool(len(x)) and bool((((x - low) < 2e-3) | ((high - x) < 2e-3)).any())
+
+
+def _with_answers(painted: Painted, direct: Sequence[Answer], scene: Scene) -> Painted:
+    """A stroke whose samples have the reflectance that direct strokes found."""
+    s = painted.samples.surface
+    for a in direct:
+        c = a.chosen
+        if not c.freed:
+            continue
+        rows = s.material == a.pool.material
+        if a.pool.targets:
+            rows &= np.isin(s.mesh, [i for i, m in enumerate(scene.meshes) if m.path in a.pool.targets])
+        f0 = np.where(rows[:, None], c.f0_of(s.f0), s.f0).astype(np.float32)
+        follows = a.tables.is_metal and "specular" in c.freed
+        s = replace(
+            s,
+            diffuse=np.where(rows[:, None], c.diffuse_of(s.diffuse), s.diffuse).astype(np.float32),
+            f0=f0,
+            f90=np.where(rows[:, None] & follows, f0, s.f90),
+            roughness=np.where(rows, c.roughness_of(s.roughness), s.roughness).astype(np.float32),
+        )
+    return replace(painted, samples=replace(painted.samples, surface=s))

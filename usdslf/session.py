@@ -244,13 +244,13 @@ class Session:
                 self.answers = direct
                 if any(p.stroke.mode == "indirect" for p in painted):
                     self.answers = direct + infer_indirect(
-                        painted, self.scene, field, options, self.bounces, self.warnings
+                        painted, self.scene, field, options, self.bounces, self.warnings, dict(choose or {}), direct
                     )
         finally:
             field.set_surface(original)
             field.outgoing_d = as_it_was_d
         for a in self.answers:
-            if a.is_ambiguous:
+            if a.is_ambiguous and not a.others:
                 names = ", ".join(active[i].path for i in a.pool.strokes)
                 other = next(c.id for c in a.candidates if c.id != a.chosen.id)
                 self.warn(f"{names}: {a.chosen.id} and {other} explain it about equally well; paint more or choose")
@@ -445,7 +445,10 @@ class Session:
         Of a stylized shot, `stylize` says how, and `materials` what became of each.
         """
         active = [s for s in self.strokes if s.active]
-        of_stroke = {i: a for a in self.answers for i in a.pool.strokes}
+        of_stroke: dict[int, list[Answer]] = {}
+        for a in self.answers:
+            for i in a.pool.strokes:
+                of_stroke.setdefault(i, []).append(a)
         return {
             "stage": self.scene.stage,
             "frame": None if np.isnan(self.scene.frame) else self.scene.frame,
@@ -453,7 +456,7 @@ class Session:
             "elements": len(self.elements),
             "directions": 1024,
             **({} if self.stylized is None else self._style_report(self.stylized)),
-            "strokes": [self._stroke_report(s, of_stroke[i]) for i, s in enumerate(active) if i in of_stroke],
+            "strokes": [self._stroke_report(s, *of_stroke[i]) for i, s in enumerate(active) if i in of_stroke],
             "edits": [
                 {
                     "prim": e.prim,
@@ -493,10 +496,11 @@ class Session:
             ],
         }
 
-    def _stroke_report(self, stroke: Stroke, answer: Answer) -> dict[str, Any]:
+    def _stroke_report(self, stroke: Stroke, answer: Answer, *more: Answer) -> dict[str, Any]:
+        """The first answer is the stroke's own; an indirect one may change further materials."""
         material = self.scene.materials[answer.pool.material]
         t = answer.tables
-        return {
+        found = {
             "path": stroke.path,
             "surface": stroke.surfaces[0] if stroke.surfaces else "",
             "material": material.path,
@@ -522,6 +526,22 @@ class Session:
                 for c in answer.candidates
             ],
         }
+        if answer.others:
+            found["alternatives"] = [
+                {"id": o.id, "cost": o.cost, "materials": list(o.materials), "after": _plain(o.after)}
+                for o in sorted(answer.others, key=lambda o: (not o.is_chosen, o.cost))
+            ]
+            found["note"] = answer.note
+            found["also"] = [
+                {
+                    "material": self.scene.materials[a.pool.material].path,
+                    "inferred": a.chosen.id,
+                    "before": _plain(a.before),
+                    "after": _plain(a.after),
+                }
+                for a in more
+            ]
+        return found
 
     def warn(self, *sentences: str) -> None:
         """Keeps warnings, each once."""

@@ -92,6 +92,7 @@ class Candidate:
     misfit: float = 0.0
     freedoms: int = 0
     cost: float = 0.0
+    is_metallic: bool = False  # a dielectric becomes a metal: no diffuse reflection, F90 follows F0
 
     @property
     def id(self) -> str:
@@ -239,11 +240,14 @@ def enumerate_candidates(t: Tables, o: Options | None = None, groups: tuple[str,
 
 def _ways(c: Candidate) -> tuple[str, str, bool]:
     """How a candidate was fitted: `diffuse`, `specular` and `free_gloss` of `fit`."""
-    specular = ""
-    if "specular" in c.freed:
-        grey = c.freedoms - 3 * ("diffuse" in c.freed) - ("glossiness" in c.freed) == 1
-        specular = "grey" if grey else "color"
+    specular = "" if "specular" not in c.freed else "grey" if is_grey(c) else "color"
     return "color" if "diffuse" in c.freed else "", specular, "glossiness" in c.freed
+
+
+def is_grey(c: Candidate) -> bool:
+    """Whether the channels of a specular change have one value."""
+    of_diffuse = 3 * ("diffuse" in c.freed and not c.is_metallic)
+    return "specular" in c.freed and c.freedoms - of_diffuse - ("glossiness" in c.freed) == 1
 
 
 def _choices(allowed: bool, ways: tuple[str, ...]) -> tuple[str, ...]:
@@ -408,7 +412,7 @@ def _fit(
                     columns.append(g.reshape(-1))
                     lows, highs, at = [*lows, low_f.max()], [*highs, high_f.min()], [*at, df[0]]
             a = white @ np.stack(columns, 1)
-            x = _bounded(a, a @ np.array(at) - r, np.array(lows), np.array(highs))
+            x = bounded_least_squares(a, a @ np.array(at) - r, np.array(lows), np.array(highs))
             if diffuse:
                 dd, x = x[:3], x[3:]
             if specular:
@@ -425,7 +429,7 @@ def _channel(g: F64, c: int, n: int) -> F64:
     return out.reshape(-1)
 
 
-def _bounded(a: F64, b: F64, low: F64, high: F64) -> F64:
+def bounded_least_squares(a: F64, b: F64, low: F64, high: F64) -> F64:
     """Least squares a x = b, low <= x <= high: what leaves the bounds is fixed on them and the rest solved again."""
     free = np.ones(len(low), bool)
     x = np.clip(np.zeros(len(low)), low, high)
