@@ -119,7 +119,8 @@ def infer_indirect(
     if error >= MET:
         note = f"the painted radiance is met within {error:.0%} only; {_reason(fitted, receivers, chosen, field)}"
         said.append(f"{where}: {note}")
-    alternatives = tuple(_alternative(e, scene, e.id == chosen.id, not asked and _is_tie(e, chosen)) for e in explanations)
+    tied = {e.id for e in explanations if not asked and _is_tie(e, chosen)}
+    alternatives = tuple(_alternative(e, scene, e.id == chosen.id, e.id in tied) for e in explanations)
     return answers + _answers(fitted, chosen, alternatives, note, wanted, before, painted, evidence, field)
 
 
@@ -292,8 +293,8 @@ def _answers(
         pool = Pool(c.material, "material", (), strokes)
         answers.append(
             Answer(
-                pool, c.candidate, (c.candidate,), tables, old, new, errors[0], errors[1], fitted.rounds, alternatives,
-                note,
+                pool, c.candidate, (c.candidate,), tables, old, new, errors[0], errors[1], fitted.rounds,
+                others=alternatives, note=note,
             )
         )  # fmt: skip
     reached = {i for strokes in serves for i in strokes}
