@@ -1,6 +1,6 @@
 """The gallery: result figures of the paper as scenes built in code, with strokes and a check of each claim.
 
-    shot.py       a shot as records without USD
+    ../shot.py    a shot as records without USD
     records.py    what an entry is, and what came of one
     play.py       an entry that is being run
     page.py       the index of all entries
@@ -9,8 +9,8 @@
 
 from __future__ import annotations
 
-from usdslf.gallery import still_life
+from usdslf.gallery import sketch_specular, still_life
 from usdslf.gallery.records import Entry
 
-ENTRIES: tuple[Entry, ...] = (still_life.ENTRY,)
+ENTRIES: tuple[Entry, ...] = (still_life.ENTRY, sketch_specular.ENTRY)
 """All entries; the first one is run where none is named."""

@@ -30,8 +30,8 @@ from usdslf.demo_shapes import (
 from usdslf.demo_textures import planks, studio
 from usdslf.gallery.play import Play
 from usdslf.gallery.records import Dabs, Entry, Point, Rgb
-from usdslf.gallery.shot import Inputs, Lamp, Part, Shot, View
 from usdslf.images import write_image
+from usdslf.shot import Inputs, Lamp, Part, Shot, View
 from usdslf.strokes import Stroke
 
 RADIUS = 0.012  # of a dab, in picture heights

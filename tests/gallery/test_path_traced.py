@@ -1,0 +1,30 @@
+"""A path tracer, given the shot with the look layer, shows the painted places nearer to what was painted."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from reference.mitsuba_setup import why_no_pathtracer
+
+from usdslf.gallery import ENTRIES
+from usdslf.gallery.play import Play
+
+pytestmark = pytest.mark.skipif(bool(why_no_pathtracer()), reason=why_no_pathtracer())
+DIRECT, INDIRECT = 5.0, 2.0  # times nearer
+NAMES = ("still_life", "sketch_specular")
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_what_was_painted_is_nearer(name: str, tmp_path: Path) -> None:
+    from gallery.path_traced import nearness
+
+    entry = next(e for e in ENTRIES if e.name == name)
+    play = Play(entry, tmp_path, elements=2500, pictures=False)
+    entry.run(play)
+    for step in play.steps:
+        modes = {s.path: s.mode for s in step.before.strokes if s.tool != "fixate"}
+        for near in nearness(step):
+            if near.stroke in modes:
+                wanted = DIRECT if modes[near.stroke] == "direct" else INDIRECT
+                assert near.factor >= wanted, (step.title, near)
