@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import hashlib
+import tempfile
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +13,7 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, UsdValidation, Vt
 from reference.preview_surface_inputs import FALLBACKS, reflectance
 
 from usdslf.edits import MaterialChange, Reflectance
+from usdslf.images import write_image
 from usdslf.scene import Material, PrimvarInput, Texture, constant
 from usdslf.usd.author import author_look, author_review_root
 from usdslf.usd.look_layer import bound_relationship, preview_surface
@@ -80,6 +83,12 @@ def new_shot(folder: Path) -> Usd.Stage:
     bind(add_quads(stage, "/World/row").GetPrim(), grey)
     stage.GetRootLayer().Save()
     return stage
+
+
+@lru_cache
+def image_file() -> str:
+    """An image that can be read."""
+    return str(write_image(Path(tempfile.mkdtemp(prefix="usdslf_")) / "map.png", np.full((2, 2, 3), 0.5)))
 
 
 # ---- changes and their effect --------------------------------------------------------------------

@@ -22,6 +22,7 @@ from look_stages import (
     bind,
     change_of,
     compose,
+    image_file,
     new_shot,
     new_stage,
     read_inputs,
@@ -235,7 +236,7 @@ def textured(stage: Usd.Stage, channels: dict[str, str], **values: Any) -> UsdSh
 def texture_change(mean: Any, target: Any, channels: str, name: str = "diffuseColor") -> MaterialChange:
     values: dict[str, Any] = {name: mean}
     before, after = as_reflectance(**values), as_reflectance(**{name: target})
-    texture = Texture("/World/mtl/tex/map", "missing.png", channels=channels)
+    texture = Texture("/World/mtl/tex/map", image_file(), channels=channels)
     material = record("/World/mtl/tex", **{name: texture})
     freed = "diffuse" if name == "diffuseColor" else "glossiness"
     return MaterialChange(material, "material", ("/World/ball",), (freed,), before, after)

@@ -17,12 +17,26 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from look_stages import F, add_material, add_quads, author, bind, change_of, compose, new_stage, shown, validate
+from look_stages import (
+    F,
+    add_material,
+    add_quads,
+    as_reflectance,
+    author,
+    bind,
+    change_of,
+    compose,
+    new_stage,
+    shown,
+    validate,
+)
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, Vt
 
 from usdslf.edits import MaterialChange
 from usdslf.errors import AuthorError
+from usdslf.surface import evaluate_surface
 from usdslf.usd.look_layer import gprims_of, parts_of
+from usdslf.usd.read import read_scene
 from usdslf.usd.validate import validate as find_wrong
 from usdslf.usd.wins import why_hidden
 
@@ -516,3 +530,45 @@ def test_final_renders_that_do_not_see_it_are_named(tmp_path: Path) -> None:
         "final renders of /World/a by ri use another surface of /World/mtl/both and do not see the edit",
         "final renders of /World/b by mtlx show /World/mtl/final, bound for purpose full, and do not see the edit",
     ]
+
+
+def test_a_material_that_references_another_changes_along_and_is_named(tmp_path: Path) -> None:
+    stage = new_stage(tmp_path / "shot.usda")
+    ball(stage, "/World/a", red(stage, "/World/mtl/red"))
+    copied = UsdShade.Material.Define(stage, "/World/mtl/copied")
+    copied.GetPrim().GetReferences().AddInternalReference("/World/mtl/red")
+    ball(stage, "/World/b", copied)
+    said: list[str] = []
+    assert_changes(stage, tmp_path, {"/World/a", "/World/b"}, green(stage, "/World/a"), warnings=said)
+    assert said == ["/World/mtl/copied take their values from /World/mtl/red by reference, and change with it"]
+    said.clear()
+    assert_changes(stage, tmp_path, {"/World/a"}, green(stage, "/World/a"), mode="new", warnings=said)
+    assert said == []
+
+
+@pytest.mark.parametrize("is_shared", [False, True])
+def test_a_texture_that_cannot_be_read_takes_the_change_as_its_fallback(tmp_path: Path, is_shared: bool) -> None:
+    """Scale and bias do not act on a fallback."""
+    stage = new_stage(tmp_path / "shot.usda")
+    material = red(stage, "/World/mtl/red")
+    texture = UsdShade.Shader.Define(stage, "/World/mtl/red/tex")
+    texture.CreateIdAttr("UsdUVTexture")
+    texture.CreateInput("file", F.Asset).Set("./gone.exr")
+    texture.CreateInput("fallback", F.Float4).Set(Gf.Vec4f(0.5, 0.4, 0.3, 0.7))
+    shader = UsdShade.Shader(stage.GetPrimAtPath("/World/mtl/red/pbr"))
+    shader.GetInput("diffuseColor").ConnectToSource(texture.CreateOutput("rgb", F.Float3))
+    if is_shared:
+        shader.CreateInput("emissiveColor", F.Color3f).ConnectToSource(texture.GetOutput("rgb"))
+    ball(stage, "/World/ball", material)
+    stage.GetRootLayer().Save()
+    scene = read_scene(stage)
+    (found,) = scene.materials
+    before, after = as_reflectance(diffuseColor=(0.5, 0.4, 0.3)), as_reflectance(diffuseColor=GREEN)
+    said: list[str] = []
+    change = MaterialChange(found, "material", ("/World/ball",), ("diffuse",), before, after)
+    (edit,) = author(stage, tmp_path, change, warnings=said)
+    assert edit.wins and edit.attribute == "inputs:fallback" and any("shows its fallback" in w for w in said)
+    points = [evaluate_surface(s, [0], [(0.3, 0.3)]) for s in (scene, read_scene(compose(tmp_path)))]
+    assert points[1].diffuse[0] == pytest.approx(GREEN, rel=1e-5)
+    assert points[1].emission[0] == pytest.approx(points[0].emission[0])
+    assert points[1].opacity[0] == points[0].opacity[0]

@@ -23,6 +23,7 @@ from numpy.typing import ArrayLike
 
 from usdslf.errors import AuthorError
 from usdslf.scene import F64, Input, Material, PrimvarInput, Texture
+from usdslf.surface import MIN_ROUGHNESS
 from usdslf.workflow import SurfaceInputs, error_of, inputs_for, reflectance_of
 
 if TYPE_CHECKING:
@@ -132,6 +133,8 @@ def material_change_to_input_edits(change: MaterialChange) -> list[InputEdit]:
     if "glossiness" in change.freed:
         rough = _mean(change, "roughness", m.roughness)
         rough = np.array([change.before.roughness]) if rough is None else rough
+        if _is_driven(m.roughness):  # texels below the least roughness show as it: most of them are zero
+            rough = np.where(rough <= MIN_ROUGHNESS * 1.0001, 0.0, rough)
         edits += _edit(change, "roughness", m.roughness, rough, np.clip(wanted.roughness, 0, 1))
     return [e for e in edits if e.input not in change.baked] + _baked_edits(change)
 

@@ -58,6 +58,11 @@ def is_integer(path: str) -> bool:
     return found
 
 
+def files_of(texture: Texture) -> list[str]:
+    """Returns the files of a texture: the tiles of a UDIM set, one, or none."""
+    return [path for _, path in _files(texture)]
+
+
 def unreadable(texture: Texture, color: Color | None = None) -> list[tuple[str, str]]:
     """Returns the files of a texture that cannot be read, pixels included, each with the reason.
 

@@ -32,7 +32,7 @@ from usdslf.usd.look_layer import LookLayer, bound_relationship, preview_surface
 from usdslf.usd.notes import Notes
 from usdslf.usd.preview_material import PreviewMaterials, edited_ones, write_made
 from usdslf.usd.provenance import layer_data
-from usdslf.usd.reach import final_renders
+from usdslf.usd.reach import changed_along, final_renders
 from usdslf.usd.read import quiet_usd
 from usdslf.usd.shot_metadata import ROOT_ONLY, copy_shot_metadata, default_prim_name, shot_files
 from usdslf.usd.wins import AuthoredEdit, compose_over, with_wins
@@ -124,6 +124,7 @@ def _author(
         said.append(f"{path} is edited in the variant {group}={chosen} of {at} only: other variants stay.")
     review = compose_over(stage, layer)
     written = with_wins(review, layer, written, bindings)
+    said += changed_along(review, written) if mode != "class" else []
     said += final_renders(review, dict.fromkeys(p for e in written for p in e.affects))
     return written
 

@@ -20,6 +20,8 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, Vt
 
 from usdslf.edits import InputEdit, MaterialChange, Reflectance, inferred
 from usdslf.errors import AuthorError
+from usdslf.images import files_of, why_unreadable
+from usdslf.scene import Texture
 from usdslf.usd.arcs import class_of
 from usdslf.usd.files import relative_path
 from usdslf.usd.look_layer import LookLayer, bound_relationship, shader_of, users_of
@@ -28,6 +30,7 @@ from usdslf.usd.network import (
     as_attribute,
     driving_prim,
     input_place,
+    map_fallback,
     map_primvar,
     map_texture,
     new_node_path,
@@ -213,10 +216,21 @@ class ChangeWriter:
         opinions, copied = map_texture(self.look.stage, self.shader, edit)
         if not copied.isEmpty:
             self._copy_texture(copied, edit)
+        if self._shows_fallback(edit.source):  # which scale and bias do not act on
+            path, before, after = map_fallback(self.shader, edit, copied)
+            self.said.append(f"{edit.source} shows its fallback, which is edited: its file is not to be read here.")
+            return self._put(path, Sdf.ValueTypeNames.Float4, before, after, "constant")
         written = []
         for path, before, after in opinions:
             written += self._put(path, Sdf.ValueTypeNames.Float4, before, after, "scale")
         return written
+
+    def _shows_fallback(self, node: str) -> bool:
+        """Whether no file of a texture of the material can be read."""
+        inputs = vars(self.change.material).values()
+        named = [v for v in inputs if isinstance(v, Texture) and v.prim == node and v.path]
+        found = [v for v in inputs if isinstance(v, Texture) and v.prim == node]
+        return bool(found) and not any(why_unreadable(file) == "" for v in named for file in files_of(v))
 
     def _copy_texture(self, copied: Sdf.Path, edit: InputEdit) -> None:
         """Gives an input a texture node of its own: another input reads the channels of the old one."""

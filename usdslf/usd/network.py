@@ -2,6 +2,7 @@
 
 input_place(shader, name) -> (attribute or None, path, other inputs that it drives)
 map_texture(stage, shader, edit) -> (opinions on scale and bias, path for a copy of the node or none)
+map_fallback(shader, edit, copied) -> opinion on the fallback, where no file is to be read
 map_primvar(shader, edit) -> (reader's varname, its fallback)
 """
 
@@ -111,6 +112,18 @@ def map_texture(stage: Usd.Stage, shader: UsdShade.Shader, edit: InputEdit) -> t
     for channel, s, b in zip(channels, edit.scale, edit.bias):
         scale[channel], bias[channel] = scale[channel] * s, bias[channel] * s + b
     return [(*values["scale"], scale), (*values["bias"], bias)], copied
+
+
+def map_fallback(shader: UsdShade.Shader, edit: InputEdit, copied: Sdf.Path) -> Opinion:
+    """Returns the opinion on the fallback of the UsdUVTexture that drives an input, or of its copy."""
+    texture = UsdShade.Shader(driving_prim(shader, edit.input))
+    attribute, path, _ = input_place(texture, "fallback")
+    value = attribute.Get() if attribute is not None and not UsdShade.Output.IsOutput(attribute) else None
+    before = Gf.Vec4f(0, 0, 0, 1) if value is None else Gf.Vec4f(value)
+    after = Gf.Vec4f(before)
+    for channel, wanted in zip(edit.channels, np.ravel(edit.after)):
+        after[_CHANNELS.index(channel)] = float(wanted)
+    return (path if copied.isEmpty else copied.AppendProperty("inputs:fallback")), before, after
 
 
 def path_of_copy(stage: Usd.Stage, shader: UsdShade.Shader, edit: InputEdit) -> Sdf.Path:

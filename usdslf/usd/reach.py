@@ -1,17 +1,22 @@
 """Which gprims show what a look layer says, and in which final renders they do not.
 
     gprims_reached(review, layer) -> {spec path: gprims}         for each prim of the layer that shows somewhere
+    changed_along(review, edits) -> list[str]                    sentences on materials that are not edited, but change
     final_renders(review, gprims) -> list[str]                   sentences on renders that do not see an edit
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import TYPE_CHECKING
 
 from pxr import Sdf, Usd, UsdShade
 
 from usdslf.usd.look_layer import bound_relationship, gprims_of, parts_of
 from usdslf.usd.notes import Notes
+
+if TYPE_CHECKING:
+    from usdslf.usd.wins import AuthoredEdit
 
 
 def gprims_reached(review: Usd.Stage, layer: Sdf.Layer) -> dict[Sdf.Path, list[str]]:
@@ -48,6 +53,29 @@ def _network(material: Usd.Prim) -> list[Usd.Prim]:
         for attribute in prim.GetAuthoredAttributes():
             todo += [stage.GetPrimAtPath(c.GetPrimPath()) for c in attribute.GetConnections()]
     return list(seen.values())
+
+
+def changed_along(review: Usd.Stage, edits: Iterable[AuthoredEdit]) -> list[str]:
+    """Returns a sentence for each material that changes because it references or inherits one that is edited."""
+    notes = Notes()
+    for edit in edits:
+        at = Sdf.Path(edit.shown_at).GetPrimPath()
+        for path in edit.affects:
+            shown = bound_relationship(review.GetPrimAtPath(path))[0]
+            material = next((p for p in reversed(at.GetPrefixes()) if _is_material(review, p)), None)
+            if material and not at.HasPrefix(shown) and not _inherits(review, shown, material):
+                notes.add(f"{{}} take their values from {material} by reference, and change with it", shown)
+    return notes.sentences()
+
+
+def _is_material(stage: Usd.Stage, path: Sdf.Path) -> bool:
+    prim = stage.GetPrimAtPath(path)
+    return bool(prim) and prim.IsA(UsdShade.Material)
+
+
+def _inherits(stage: Usd.Stage, shown: Sdf.Path, material: Sdf.Path) -> bool:
+    """Whether a material is one that a look made of another."""
+    return material in stage.GetPrimAtPath(shown).GetInherits().GetAllDirectInherits()
 
 
 def final_renders(review: Usd.Stage, gprims: Iterable[str]) -> list[str]:

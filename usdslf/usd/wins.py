@@ -16,7 +16,7 @@ from pxr import Sdf, Usd, UsdShade
 from usdslf.usd.look_layer import bound_relationship
 from usdslf.usd.network import same_value
 from usdslf.usd.reach import gprims_reached
-from usdslf.usd.shot_metadata import ROOT_ONLY, copy_shot_metadata
+from usdslf.usd.shot_metadata import ROOT_ONLY, copy_shot_metadata, default_prim_name
 
 
 @dataclass(frozen=True)
@@ -40,6 +40,8 @@ def compose_over(stage: Usd.Stage, layer: Sdf.Layer) -> Usd.Stage:
     root = Sdf.Layer.CreateAnonymous(".usda")
     root.subLayerPaths = [layer.identifier, stage.GetRootLayer().identifier]
     copy_shot_metadata(stage, root, ROOT_ONLY)
+    if name := default_prim_name(stage):
+        root.defaultPrim = name
     return Usd.Stage.OpenMasked(
         root, stage.GetSessionLayer(), stage.GetPathResolverContext(), stage.GetPopulationMask()
     )
