@@ -52,7 +52,7 @@ def normal_reflectance(ior: float) -> float:
 
 def ior_for(reflectance: float) -> float:
     """The ior >= 1 whose R^2 is given in [0, 1)."""
-    root = np.sqrt(reflectance)
+    root = np.sqrt(max(reflectance, 0.0))  # rounding may pass the end by a hair
     return float((1 + root) / (1 - root))
 
 
