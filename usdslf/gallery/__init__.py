@@ -9,8 +9,12 @@
 
 from __future__ import annotations
 
-from usdslf.gallery import sketch_specular, still_life
+from usdslf.gallery import shadow_diffuse, sketch_specular, still_life
 from usdslf.gallery.records import Entry
 
-ENTRIES: tuple[Entry, ...] = (still_life.ENTRY, sketch_specular.ENTRY)
+ENTRIES: tuple[Entry, ...] = (
+    still_life.ENTRY,
+    shadow_diffuse.ENTRY,
+    sketch_specular.ENTRY,
+)
 """All entries; the first one is run where none is named."""

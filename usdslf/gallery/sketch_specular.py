@@ -16,7 +16,7 @@ import numpy as np
 from usdslf.demo_shapes import Shape, ball, curve, join, lathe, panel, tube
 from usdslf.demo_textures import planks, studio
 from usdslf.gallery.play import Play
-from usdslf.gallery.records import Dabs, Entry
+from usdslf.gallery.records import Dabs, Entry, on_picture
 from usdslf.images import write_image
 from usdslf.shot import Inputs, Lamp, Part, Shot, View
 
@@ -117,11 +117,6 @@ SHARPER: Dabs = (
     ((0.32, 0.103, 0.057), ((400, 220),)),
     ((0.23, 0.08, 0.046), ((460, 250), (520, 222), (389, 200))),
 )
-
-
-def on_picture(dabs: Dabs) -> Dabs:
-    """Turns places on a picture of 640 x 360 into 0..1."""
-    return [(rgb, [(x / 640, y / 360) for x, y in places]) for rgb, places in dabs]
 
 
 def run(play: Play) -> None:
