@@ -44,3 +44,22 @@ def studio(height: int = 128) -> F32:
     box(0.95, 0.55, 0.22, 0.42, (5.0, 4.7, 4.2))
     box(-0.75, 0.40, 0.10, 0.55, (3.0, 3.3, 3.8))
     return picture.astype(np.float32)
+
+
+def windows(height: int = 256) -> F32:
+    """Returns a latlong environment (height, 2 height, 3), scene-linear: a hall, the sky and the sun in its windows."""
+    lat = ((0.5 - (np.arange(height) + 0.5) / height) * np.pi)[:, None]
+    lon = ((0.5 - (np.arange(2 * height) + 0.5) / (2 * height)) * 2 * np.pi)[None]
+    up = np.sin(lat) * np.ones_like(lon)
+    wall, floor, ceiling = np.array([0.20, 0.17, 0.14]), np.array([0.10, 0.075, 0.05]), np.array([0.26, 0.25, 0.24])
+    picture = np.where((up < -0.25)[..., None], floor, np.where((up > 0.8)[..., None], ceiling, wall))
+    sky = np.array([0.9, 1.5, 2.6]) + np.array([3.2, 2.6, 1.6]) * np.exp(-5 * np.abs(lat))[..., None]
+    away = np.arccos(np.clip(np.cos(lat) * np.cos(0.55) * np.cos(lon + 0.95) + np.sin(lat) * np.sin(0.55), -1, 1))
+    sun = np.array([160.0, 140.0, 110.0]) * (1 / (1 + np.exp(np.clip((away - 0.06) / 0.008, -60, 60))))[..., None]
+    for centre in (-1.75, -0.95, -0.15, 2.4):
+        across, along = np.abs(lon - centre) / 0.26, np.abs(lat - 0.38) / 0.42
+        inside = 1 / (1 + np.exp(np.clip((np.maximum(across, along) - 1) * 40, -60, 60)))
+        bars = (np.abs(across) < 0.05) | (np.abs(lat - 0.38) < 0.012)
+        open_ = (inside * np.where(bars, 0.15, 1))[..., None]
+        picture = picture * (1 - open_) + (sky + sun) * open_
+    return picture.astype(np.float32)

@@ -12,7 +12,7 @@ from usdslf.gallery.play import Play
 
 pytestmark = pytest.mark.skipif(bool(why_no_pathtracer()), reason=why_no_pathtracer())
 DIRECT, INDIRECT = 5.0, 2.0  # times nearer
-NAMES = ("still_life", "shadow_diffuse", "sketch_specular")
+NAMES = ("still_life", "toys", "shadow_diffuse", "sketch_specular")
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -9,12 +9,14 @@
 
 from __future__ import annotations
 
-from usdslf.gallery import shadow_diffuse, sketch_specular, still_life
+from usdslf.gallery import shadow_diffuse, sketch_specular, still_life, toys, window_light
 from usdslf.gallery.records import Entry
 
 ENTRIES: tuple[Entry, ...] = (
     still_life.ENTRY,
+    toys.ENTRY,
     shadow_diffuse.ENTRY,
     sketch_specular.ENTRY,
+    window_light.ENTRY,
 )
 """All entries; the first one is run where none is named."""

@@ -213,7 +213,7 @@ def run(play: Play) -> None:
 
 ENTRY = Entry(
     "still_life",
-    "1, 2",
+    "2",
     "Still life",
     "Three strokes of a plain brush change a diffuse colour, a specular strength and a roughness, each alone.",
     build,

@@ -1,0 +1,27 @@
+"""The environment of entries that take one: --hdri, else a hall with windows that is computed."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+from usdslf.demo_textures import windows
+from usdslf.errors import InputError
+from usdslf.images import read_image, write_image
+
+
+def put_environment(folder: Path, hdri: str | None) -> str:
+    """Puts the environment's picture into a folder and returns its name there.
+
+    Raises: InputError where --hdri is no picture that can be read.
+    """
+    if hdri is None:
+        write_image(folder / "windows.exr", windows())
+        return "windows.exr"
+    source = Path(hdri)
+    if not source.is_file():
+        raise InputError(f"--hdri {hdri} is not there; give a latlong picture (.hdr or .exr)")
+    read_image(source)
+    if source.resolve() != (folder / source.name).resolve():
+        shutil.copyfile(source, folder / source.name)
+    return source.name
