@@ -27,7 +27,7 @@ class Nearness:
         return self.before / max(self.after, 1e-6)
 
 
-def nearness(step: Step, paths: int = 512, depth: int = 8) -> list[Nearness]:
+def nearness(step: Step, paths: int = 2048, depth: int = 8) -> list[Nearness]:
     """Path-traces the dabs of a step's strokes without and with its look layer."""
     errors: list[list[float]] = []
     for session in (step.before, step.after):
