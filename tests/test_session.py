@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from pxr import Gf, UsdGeom, UsdLux
+from pxr import Gf, Usd, UsdGeom, UsdLux
 from reference import evidence as ref
 from reference.light_field import closed_box
 from reference.solve import radiance
@@ -241,3 +241,28 @@ def test_the_answer_holds_after_all_bounces(room: Session, wanted: float) -> Non
     np.testing.assert_allclose(got["after"]["diffuse"], wanted, atol=0.02)
     assert len(got["rounds"]) > 1 and got["residual_after"] <= min(got["rounds"]) * 1.03
     assert got["residual_after"] < 0.1 * got["residual_before"]
+
+
+def composed(path: Path) -> dict[str, object]:
+    """Every value and connection of every prim of a stage."""
+    stage = Usd.Stage.Open(str(path))
+    values: dict[str, object] = {}
+    for prim in stage.Traverse():
+        values[str(prim.GetPath())] = (prim.GetTypeName(), prim.GetAppliedSchemas())
+        for p in prim.GetAttributes():
+            values[str(p.GetPath())] = (p.Get(), p.GetConnections())
+        for r in prim.GetRelationships():
+            values[str(r.GetPath())] = r.GetTargets()
+    return values
+
+
+def test_undoing_all_strokes_restores_the_stage_exactly(session: Session, tmp_path: Path) -> None:
+    look, review = tmp_path / "look.usda", tmp_path / "review.usda"
+    shot = composed(Path(session.stage.GetRootLayer().realPath))
+    solve(session, painted(CHANGES["diffuse"]))
+    assert session.author(look, review_root=review)
+    assert composed(review) != shot
+    for stroke in list(session.strokes):
+        session.remove_stroke(stroke.name)
+    assert session.author(look, review_root=review) == []
+    assert composed(review) == shot
