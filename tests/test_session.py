@@ -266,3 +266,15 @@ def test_undoing_all_strokes_restores_the_stage_exactly(session: Session, tmp_pa
         session.remove_stroke(stroke.name)
     assert session.author(look, review_root=review) == []
     assert composed(review) == shot
+
+
+def test_solving_again_changes_nothing(session: Session, tmp_path: Path) -> None:
+    look, stroke = tmp_path / "look.usda", painted(CHANGES["diffuse"])
+    solve(session, stroke)
+    session.author(look)
+    first = look.read_bytes()
+    session.solve()
+    session.author(look)
+    assert look.read_bytes() == first
+    (again,) = solve(session.edited(look), stroke)["strokes"]
+    assert again["inferred"] == "none", again["alternatives"]
