@@ -278,3 +278,13 @@ def test_solving_again_changes_nothing(session: Session, tmp_path: Path) -> None
     assert look.read_bytes() == first
     (again,) = solve(session.edited(look), stroke)["strokes"]
     assert again["inferred"] == "none", again["alternatives"]
+
+
+def test_a_fixated_material_never_changes(session: Session, tmp_path: Path) -> None:
+    stroke = painted(CHANGES["diffuse"])
+    fixate = replace(stroke, name="stroke_0002", tool="fixate")
+    assert [s["inferred"] for s in solve(session, stroke)["strokes"]] == ["diffuse"]
+    with pytest.raises(StrokeError, match="fixates"):
+        solve(session, stroke, fixate)
+    solve(session, fixate)
+    assert session.changes() == [] and session.author(tmp_path / "look.usda") == []
