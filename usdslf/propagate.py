@@ -1,0 +1,146 @@
+"""Propagation: a change that is known at painted places -> everything that is similar to them.
+
+Similarity of two places is a sum of three terms, each bounded and without a scale of its own:
+
+    s(x, y) = [ w_s / (1 + |x - y|^2 / l^2) + w_n <n_x, n_y>+^4 + w_r / (1 + |r_x - r_y|^2 / r^2) ] / (w_s + w_n + w_r)
+
+with l the reach of the painted places and r a reflectance step that is clearly seen.  The paper's terms are not
+bounded (1 / |x - y|): one of them, near a painted place, would outvote the others whatever their weights.  The change
+of a place is
+
+    dr(x) = gate(max_y s) * sum_y s^SHARPNESS dr(y) / sum_y s^SHARPNESS,       y over the painted places
+
+a mean over the painted places, not over all surfaces, which would dilute an edit to nothing; the power lets near
+places decide among many.  The gate closes where nothing painted is similar.
+
+Source: Nguyen et al. 2013, 4.3.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from usdslf.errors import InputError
+from usdslf.scene import F64, Scene
+from usdslf.surface import SurfacePoints, evaluate_surface
+
+REFLECTANCE_STEP = 0.08  # of d, F0 and roughness together, that is clearly seen
+NORMAL_POWER = 4
+SHARPNESS = 4
+GATE = (0.45, 0.7)  # similarity at which the gate opens, and is open
+BLOCK = 1 << 16  # pairs of places in memory, times a few numbers each, stay below 100 MB
+
+
+@dataclass(frozen=True)
+class Weights:
+    """How much position, normal and reflectance count; only their ratios do."""
+
+    position: float = 1.0
+    normal: float = 0.5
+    reflectance: float = 2.0
+
+    def __post_init__(self) -> None:
+        values = (self.position, self.normal, self.reflectance)
+        if not np.isfinite(values).all() or min(values) < 0 or sum(values) <= 0:
+            raise InputError(f"similarity weights {values} are not three numbers of 0 or more, one above 0")
+
+
+@dataclass(frozen=True)
+class Places:
+    """n places on surfaces."""
+
+    position: NDArray  # (n, 3)
+    normal: NDArray  # (n, 3) unit
+    reflectance: NDArray  # (n, 7) d, F0, roughness
+
+    def __len__(self) -> int:
+        return len(self.position)
+
+    def rows(self, rows: NDArray | slice) -> Places:
+        """Returns some of the places."""
+        return Places(self.position[rows], self.normal[rows], self.reflectance[rows])
+
+
+def places_of(surface: SurfacePoints) -> Places:
+    """Takes what similarity looks at from points on surfaces."""
+    reflectance = np.concatenate([surface.diffuse, surface.f0, surface.roughness[:, None]], 1)
+    return Places(surface.position, surface.geometric_normal, reflectance)
+
+
+def places_at(scene: Scene, triangle: NDArray, barycentric: NDArray) -> Places:
+    """Evaluates places at points of triangles (n,), (n, 2)."""
+    return places_of(evaluate_surface(scene, triangle, barycentric, normal_maps=False))
+
+
+def similarity(x: Places, y: Places, reach: float, weights: Weights | None = None) -> F64:
+    """Returns s (n, m) of each place of x to each of y, 0..1.
+
+    Args:
+        reach: l [stage units].
+    """
+    w = weights or Weights()
+    a, b = x.position.astype(np.float64), y.position.astype(np.float64)
+    apart = ((a[:, None] - b[None]) ** 2).sum(-1)
+    turned = np.maximum(x.normal.astype(np.float64) @ y.normal.astype(np.float64).T, 0)
+    other = ((x.reflectance[:, None].astype(np.float64) - y.reflectance[None]) ** 2).sum(-1)
+    s = w.position / (1 + apart / reach**2) + w.normal * turned**NORMAL_POWER
+    s += w.reflectance / (1 + other / REFLECTANCE_STEP**2)
+    return s / (w.position + w.normal + w.reflectance)
+
+
+def most_similar(x: Places, painted: Places, reach: float, weights: Weights | None = None) -> F64:
+    """Returns the similarity (n,) of each place to the painted one that is most like it; 0 where none is painted."""
+    out = np.zeros(len(x))
+    for rows in _blocks(len(x), len(painted)):
+        out[rows] = similarity(x.rows(rows), painted, reach, weights).max(1)
+    return out
+
+
+def propagate(
+    x: Places, painted: Places, values: ArrayLike, reach: float, weights: Weights | None = None, gated: bool = True
+) -> F64:
+    """Returns the change (n, C) of places from the changes (m, C) of the painted ones.
+
+    Args:
+        gated: False: all of x changes, as where the scope says how far a change goes.
+    """
+    known = np.asarray(values, np.float64)
+    known = known[:, None] if known.ndim == 1 else known
+    out = np.zeros((len(x), known.shape[1]))
+    for rows in _blocks(len(x), len(painted)):
+        s = similarity(x.rows(rows), painted, reach, weights)
+        k = s**SHARPNESS
+        out[rows] = (k @ known) / np.maximum(k.sum(1, keepdims=True), 1e-30)
+        if gated:
+            out[rows] *= gate(s.max(1))[:, None]
+    return out
+
+
+def gate(s: ArrayLike) -> F64:
+    """Returns how far the gate is open (n,), 0..1, at a similarity."""
+    t = np.clip((np.asarray(s, np.float64) - GATE[0]) / (GATE[1] - GATE[0]), 0, 1)
+    return t * t * (3 - 2 * t)
+
+
+def reach_of(position: NDArray, least: float) -> float:
+    """Returns the reach of painted places (m, 3): the middle one of their distances to their nearest neighbours.
+
+    Args:
+        least: [stage units], say the width of the brush.
+    """
+    if len(position) < 2:
+        return least
+    p = position.astype(np.float64)
+    apart = np.linalg.norm(p[:, None] - p[None], axis=-1)
+    np.fill_diagonal(apart, np.inf)
+    return max(float(np.median(apart.min(1))), least)
+
+
+def _blocks(n: int, m: int) -> list[slice]:
+    if not m:
+        return []
+    step = max(BLOCK * 16 // m, 1)
+    return [slice(a, min(a + step, n)) for a in range(0, n, step)]
