@@ -1,32 +1,46 @@
 /* stylize.cl: unsharp masking of the surface light field.
  *
- *     M L = max(L + amount (L - B), 0)
+ *     M L = max(L + amount (L - B), L / (1 + amount))
  *     B(i, w) = sum_j w_ij <n_j, w>+ L(j, w) / sum_j w_ij <n_j, w>+          j: near elements, w: one direction of the world
  *
  * L is reflected light: what an element emits is taken off.  An eye far off in the direction w sees element j under the area
- * w_ij <n_j, w>+, so B is what a blurred picture of the surroundings shows it, and elements that face away from it show nothing.
+ * w_ij <n_j, w>+, so B is what a blurred picture of the surroundings shows it; elements that face away from it show nothing, nor
+ * do those that something within the radius hides from it, unless element i is so hidden itself.
+ * L + amount (L - B) never passes (1 + amount) L, but is below zero beside a light that is bright enough: nothing is to get darker
+ * by more than it could get brighter.
  * Light fields are compared on one sphere of bins, the hemisphere of common.cl about the world's z and its mirror image: so that
  * the sums run along memory, and L - B, both read off that sphere, is zero where neighbours look alike.
  *     Nguyen et al. 2013, 7 (of the light field); Ritschel et al. 2008 (over surfaces in space).
  */
 #include "common.cl"
 
+/* whether what element j sees in a bin is nearer than a radius */
+inline int is_hidden(__global const uint *hit, __global const float *position, uint j, int bin, float radius)
+{
+    uint h = hit[(size_t)j * D_BINS + bin];
+    return h == BLOCKED || (h < BLOCKED && distance(load3(position, h >> 10), load3(position, j)) < radius);
+}
+
 /* what an element shows in each bin of half of the sphere
  * frames    (N, 3, 3)
  * emission  (N, 3)
  * outgoing  (N, D, 3)
+ * hit       (N, D) packed links; position (N, 3)
+ * radius    within which something hides an element; 0: nothing does
  * up        1: the half above, -1: below; count: N
  * shown     (N, 4, D): result, <n, w>+ times L, and <n, w>+
  */
 __kernel void show(__global const float *frames, __global const float *emission, __global const float *outgoing,
-                   const int up, const uint count, __global float *shown)
+                   __global const uint *hit, __global const float *position, const float radius, const int up,
+                   const uint count, __global float *shown)
 {
     uint s = get_global_id(0), j = get_global_id(1);
     if (s >= D_BINS || j >= count) return;
     float3 w = bin_direction(s);
     float3 l = local_from_world(frames, j, (float3)(w.x, w.y, up * w.z));
-    float z = max(l.z, 0.0f);
-    float3 v = z * (load3(outgoing, (size_t)j * D_BINS + bin_of(l)) - load3(emission, j));
+    int bin = bin_of(l);
+    float z = l.z <= 0.0f || (radius > 0.0f && is_hidden(hit, position, j, bin, radius)) ? 0.0f : l.z;
+    float3 v = z * (load3(outgoing, (size_t)j * D_BINS + bin) - load3(emission, j));
     __global float *to = shown + (size_t)j * 4 * D_BINS + s;
     to[0] = v.x; to[D_BINS] = v.y; to[2 * D_BINS] = v.z; to[3 * D_BINS] = z;
 }
@@ -34,8 +48,8 @@ __kernel void show(__global const float *frames, __global const float *emission,
 /* L - B of elements in the bins of half of the sphere, sixteen bins at a time
  * first   (N + 1) rows of other and weight
  * other   (K) near elements; weight (K)
- * shown   (N, 4, D_BINS)
- * detail  (N, 3, D_BINS): result, zero where the element faces away
+ * shown   (N, 4, D)
+* detail  (N, 3, D): result, zero where the element faces away
  */
 __kernel void take_surroundings(__global const int *first, __global const int *other, __global const float *weight,
                                 __global const float *shown, const uint count, __global float *detail)
@@ -61,24 +75,27 @@ __kernel void take_surroundings(__global const int *first, __global const int *o
     vstore16(select((float16)0.0f, vload16(p, own + 2 * D_BINS) * per_own - b * per_all, is_seen), p, to + 2 * D_BINS);
 }
 
-/* the wanted light of the bins whose directions lie in half of the sphere
- * detail    (N, 3, D_BINS)
+/* the wanted light of the bins whose directions lie in half of the sphere, and are hidden or not
+ * detail    (N, 3, D)
+ * hidden    1: bins in which something within the radius hides the element; 0: the others
  * wanted    (N, D, 3): result
  * others as above
  */
 __kernel void add_detail(__global const float *frames, __global const float *emission, __global const float *outgoing,
-                         __global const float *detail, const float amount, const int up, const uint count,
+                         __global const uint *hit, __global const float *position, const float radius, const int up,
+                         const uint count, __global const float *detail, const float amount, const int hidden,
                          __global float *wanted)
 {
     uint d = get_global_id(0), i = get_global_id(1);
     if (d >= D_BINS || i >= count) return;
     float3 w = world_from_local(frames, i, bin_direction(d));
-    if ((w.z < 0.0f) != (up < 0)) return;
+    if ((w.z < 0.0f) != (up < 0) || is_hidden(hit, position, i, d, radius) != hidden) return;
     int s = bin_of((float3)(w.x, w.y, fabs(w.z)));
     size_t at = (size_t)i * D_BINS + d;
     __global const float *more = detail + (size_t)i * 3 * D_BINS + s;
     float3 light = load3(outgoing, at) - load3(emission, i);
-    store3(max(light + amount * (float3)(more[0], more[D_BINS], more[2 * D_BINS]), 0.0f), wanted, at);
+    float3 sharp = light + amount * (float3)(more[0], more[D_BINS], more[2 * D_BINS]);
+    store3(max(sharp, light / (1.0f + amount)), wanted, at);
 }
 
 /* how far the reflected light of each element is from what is wanted

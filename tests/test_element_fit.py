@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -171,6 +172,15 @@ def test_no_light_and_no_freedom_change_nothing(scene: SimpleNamespace, device: 
     *_, products = take_products(dark, device.upload(np.zeros((N, D, 3), np.float32)))
     fit = ElementFitter(dark.surface, np.ones((N, 3)), np.ones(N)).fit(products)
     assert not fit.changed.any() and np.isfinite(fit.diffuse).all()
+
+
+def test_a_lamp_is_left_alone(scene: SimpleNamespace) -> None:
+    """Its own light drowns whatever it reflects."""
+    p = _own(scene)
+    products = _products(scene, scene.sent(0.5 * p["d"], p["f0"], p["f90"], p["roughness"]))
+    shining = replace(scene.field.surface, emission=np.full((N, 3), 200.0, np.float32))
+    assert ElementFitter(scene.field.surface, np.ones((N, 3)), np.ones(N)).fit(products).changed.any(1).all()
+    assert not ElementFitter(shining, np.ones((N, 3)), np.ones(N)).fit(products).changed.any()
 
 
 def test_a_metal_stays_one(device: Device) -> None:

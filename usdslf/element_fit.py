@@ -19,6 +19,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from usdslf.directions import D
 from usdslf.element_products import A, B, Products, X, Y
 from usdslf.light_field import Surface
 from usdslf.reflectance import column_weights, roughness_levels
@@ -77,6 +78,7 @@ class ElementFitter:
         self.roughness = np.asarray(surface.roughness, np.float64)
         self.free = np.asarray(free, bool)
         self.highest = np.maximum(np.asarray(solid, np.float64)[:, None], self.own.diffuse)
+        self.glow = D * (np.asarray(surface.emission, np.float64) ** 2).sum(1)
         self.model, self.weights = model, WEIGHTS[norm]
         apart, paint = np.abs(self.own.f90 - self.own.f0).max(1), self.own.diffuse.max(1)
         self.is_metal = ((apart < 2e-3) & (paint < 0.02) & (model != "phong"))[:, None]
@@ -87,7 +89,7 @@ class ElementFitter:
         wanted = products.fixed[:, :, 5].sum(1)
         as_it_is = products.at(self.roughness)
         before = self._misfit(as_it_is, self.own)
-        scale = wanted + before  # of the light: what is wanted alone may be darkness
+        scale = wanted + before + self.glow  # of the light that is seen: what is wanted alone may be darkness
         best, level = self.own, self.roughness
         price, misfit = before + NOISE**2 * scale, before
         changed = np.zeros((len(wanted), 3), bool)

@@ -19,10 +19,13 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
+from usdslf.blue_noise import surface_coordinates
 from usdslf.directions import D
 from usdslf.element_fit import CHANGES, ElementFit, ElementFitter
 from usdslf.element_products import Products, take_products
+from usdslf.elements import Elements
 from usdslf.errors import AuthorError, InputError
 from usdslf.light_field import LightField, Surface
 from usdslf.scene import F64, Scene
@@ -34,6 +37,8 @@ FEWEST = 4  # places that the surroundings of most elements must have
 ROUNDS = 2  # of light going round
 CONVERGED = 0.01  # relative change of the residual between rounds
 SEEN = (0.004, 0.004, 0.01)  # a change of diffuse, specular, roughness at an element that counts as one
+SMOOTH_OVER, SMOOTH_WITHIN = 10, 1.5  # elements and spacings that changes are averaged over
+ALIKE = 0.2  # a difference of reflectance that counts as one spacing
 SPARSE = 0.1  # of a material's area: what changes on less of it stays as it is everywhere
 
 
@@ -48,6 +53,11 @@ class MaterialStyle:
     after: dict[str, NDArray]
     residual_before: float  # relative RMS over its elements and all directions
     residual_after: float
+
+    @property
+    def got_worse(self) -> bool:
+        """Whether it changed and explains less than before: other surfaces changed its light."""
+        return bool(self.freed) and self.residual_after >= self.residual_before
 
 
 @dataclass(frozen=True)
@@ -110,15 +120,19 @@ def mask_light(field: LightField, near: Surroundings, amount: float) -> Any:
     shown_d, detail_d = device.empty((n, 4, D), np.float32), device.empty((n, 3, D), np.float32)
     wanted_d = device.empty((n, D, 3), np.float32)
     count = np.uint32(n)
-    light = (field.frames_d, field.emission_d, field.outgoing_d)
-    for up in (np.int32(1), np.int32(-1)):
-        device.kernel("stylize", "show")((D, n), (64, 1), *light, up, count, shown_d)
-        device.kernel("stylize", "take_surroundings")(
-            (D // 16, n), (64, 1), first_d, other_d, weight_d, shown_d, count, detail_d
-        )
-        device.kernel("stylize", "add_detail")(
-            (D, n), (64, 1), *light, detail_d, np.float32(amount), up, count, wanted_d
-        )
+    position_d = device.upload(np.ascontiguousarray(field.elements.position, np.float32))
+    light = (field.frames_d, field.emission_d, field.outgoing_d, field.hit_d, position_d)
+    radius = np.float32(near.radius)
+    for hidden in (0, 1):
+        for up in (np.int32(1), np.int32(-1)):
+            hiding = radius * np.float32(1 - hidden)
+            device.kernel("stylize", "show")((D, n), (64, 1), *light, hiding, up, count, shown_d)
+            device.kernel("stylize", "take_surroundings")(
+                (D // 16, n), (64, 1), first_d, other_d, weight_d, shown_d, count, detail_d
+            )
+            device.kernel("stylize", "add_detail")(
+                (D, n), (64, 1), *light, radius, up, count, detail_d, np.float32(amount), np.int32(hidden), wanted_d
+            )
     return wanted_d
 
 
@@ -129,7 +143,8 @@ def stylize_light(
     """Finds the reflectance of each element that looks unsharp masked; yields it after each round of light.
 
     A parameter that would change on a small part of a material only stays as it is: the look would say more than
-    is seen.  A round that fits worse is not accepted.  The light field is left in the state of the last round.
+    is seen; so does a material that its change makes no better.  A round that fits worse is not accepted.  The
+    light field is left in the state of the last round.
 
     Args:
         field: of the shot as it is.
@@ -154,11 +169,13 @@ def stylize_light(
             for m in free:
                 fitter.free[elements.material == m] &= _is_common(m, field, start, fit)
             fit = fitter.fit(products)
-        values = {k: getattr(fit, k).astype(np.float32) for k in ("diffuse", "f0", "f90", "roughness")}
-        field.set_surface(replace(start, **values))
-        for _ in field.converge(bounces):
-            pass
-        fit = replace(fit, misfit_before=before, misfit_after=_misfit(field, wanted_d))
+        fit = smooth_changes(elements, start, fit)
+        fit = _under_new_light(field, start, fit, wanted_d, bounces, before)
+        worse = [m for m in free if _style(m, field, start, fit).got_worse]
+        if worse:
+            rows = np.isin(elements.material, worse)
+            fitter.free[rows] = False
+            fit = _under_new_light(field, start, _put_back(start, fit, rows), wanted_d, bounces, before)
         residual = _residual(fit.misfit_after[is_free], fit.wanted[is_free])
         rounds = (*(kept.rounds if kept else ()), residual)
         if kept is not None and residual >= kept.rounds[-1]:
@@ -168,6 +185,58 @@ def stylize_light(
         yield kept
         if is_done:
             return
+
+
+def _under_new_light(
+    field: LightField, start: Surface, fit: ElementFit, wanted_d: Any, bounces: int, before: F64
+) -> ElementFit:
+    """Sends the light round with a fitted reflectance; returns the fit with its misfit then."""
+    values = {k: getattr(fit, k).astype(np.float32) for k in ("diffuse", "f0", "f90", "roughness")}
+    field.set_surface(replace(start, **values))
+    for _ in field.converge(bounces):
+        pass
+    return replace(fit, misfit_before=before, misfit_after=_misfit(field, wanted_d))
+
+
+def _put_back(start: Surface, fit: ElementFit, rows: NDArray) -> ElementFit:
+    """The fit with some elements (N,) as they were."""
+    old = _as_it_is(start)
+    column = rows[:, None]
+    return replace(
+        fit,
+        diffuse=np.where(column, old.diffuse, fit.diffuse),
+        f0=np.where(column, old.f0, fit.f0),
+        f90=np.where(column, old.f90, fit.f90),
+        roughness=np.where(rows, old.roughness, fit.roughness),
+        changed=fit.changed & ~column,
+    )
+
+
+def smooth_changes(elements: Elements, start: Surface, fit: ElementFit) -> ElementFit:
+    """Averages changes over the next elements that lie on the same surface and look alike.
+
+    Light that a few rays brought to an element is uneven, and masking sharpens that too.  A mean of valid reflectances
+    is valid.
+    """
+    n = len(elements)
+    group = elements.part * 2 + (elements.side < 0)
+    number = np.bincount(group)
+    spacing = np.sqrt(np.bincount(group, elements.area) / np.maximum(number, 1))
+    place = surface_coordinates(elements.position, elements.normal, group, spacing[group])
+    look = np.concatenate([start.diffuse, start.f0, start.roughness[:, None]], 1) / ALIKE
+    distance, near = cKDTree(np.concatenate([place, look], 1)).query(
+        np.concatenate([place, look], 1), k=min(SMOOTH_OVER, n), distance_upper_bound=SMOOTH_WITHIN
+    )
+    distance, near = distance.reshape(n, -1), near.reshape(n, -1)
+    weight = np.where(near < n, (1 - np.minimum(distance / SMOOTH_WITHIN, 1) ** 2) ** 2, 0)
+    weight /= weight.sum(1, keepdims=True)
+    near = np.minimum(near, n - 1)
+
+    def mean(name: str) -> F64:
+        before = np.asarray(getattr(start, name), np.float64)
+        return before + np.einsum("nk,nk...->n...", weight, (getattr(fit, name) - before)[near])
+
+    return replace(fit, diffuse=mean("diffuse"), f0=mean("f0"), f90=mean("f90"), roughness=mean("roughness"))
 
 
 def _products(field: LightField, wanted_d: Any) -> Products:

@@ -19,7 +19,7 @@ def near_weights(position: F64, area: F64, radius: float) -> F64:
 def masked_light(
     radiance: Callable[[int, F64], F64], weights: F64, normal: F64, direction: F64, amount: float
 ) -> F64:
-    """max(L + amount (L - B), 0), B the mean of what a far-off eye sees of the surroundings.
+    """max(L + amount (L - B), L / (1 + amount)), B the mean of what a far-off eye sees of the surroundings.
 
     Args:
         radiance: of an element in world directions (D, 3): (D, 3) channels.
@@ -38,5 +38,5 @@ def masked_light(
             size += share
         own = radiance(i, w)
         blurred = np.where(size[:, None] > 0, total / np.maximum(size, 1e-300)[:, None], own)
-        out[i] = np.maximum(own + amount * (own - blurred), 0)
+        out[i] = np.maximum(own + amount * (own - blurred), own / (1 + amount))
     return out
