@@ -103,7 +103,7 @@ def infer_indirect(
         raise SolveError(f"{where}: {_nothing_in_sight(receivers[: len(wanted)], scene, kept)}")
     explanations = _explanations(receivers, materials, scene, field, options)
     is_met = mean_error(receivers, before) < MET
-    chosen = _choose(explanations, asked, is_met, where)
+    chosen = _choose(explanations, asked, is_met, options.norm == "mixed", where)
     fitted = _fit(chosen, receivers, start, field, options, bounces)
     others = [e for e in explanations if e.id != chosen.id and e.changes]
     if not asked and chosen.changes:
@@ -117,7 +117,7 @@ def infer_indirect(
     error = mean_error(receivers, fitted.radiance)
     note = f"met within {error:.1%}"
     if error >= MET:
-        note = f"the painted radiance is met within {error:.0%} only; {_reason(fitted, receivers, chosen, field)}"
+        note = f"the painted radiance is met within {error:.1%} only; {_reason(fitted, receivers, chosen, field)}"
         said.append(f"{where}: {note}")
     tied = {e.id for e in explanations if not asked and _is_tie(e, chosen)}
     alternatives = tuple(_alternative(e, scene, e.id == chosen.id, e.id in tied) for e in explanations)
@@ -212,13 +212,27 @@ def _all_in_sight(own: list[tuple[int, Tables]], o: Options, receivers: list[Rec
     return Explanation(f"{'+'.join(freed)} of all in sight", float(cost), tuple(changes), t)
 
 
-def _choose(explanations: list[Explanation], asked: str, is_met: bool, where: str) -> Explanation:
+def _shared(best: Explanation, explanations: list[Explanation]) -> Explanation:
+    """Where the diffuse colours of several materials would do about as well, all in sight take their share."""
+    near = [e for e in explanations if e.cost - best.cost < AMBIGUOUS and len(e.changes) == 1]
+    materials = {e.changes[0].material for e in near if e.changes[0].candidate.freed == ("diffuse",)}
+    joint = next((e for e in explanations if len(e.changes) > 1), None)
+    if joint is None or len(materials) < 2 or best.changes[0].candidate.freed != ("diffuse",):
+        return best
+    cost = joint.cost - (len(joint.changes) - 1) * MATERIAL_COST
+    return joint if cost < best.cost + AMBIGUOUS else best
+
+
+def _choose(
+    explanations: list[Explanation], asked: str, is_met: bool, is_mixed: bool, where: str
+) -> Explanation:
     """The explanation that was asked for by its id or by its parameters alone, or the cheapest."""
     if not asked:
         if is_met:
             return explanations[0]
         # what is not met is wanted, however small
-        return next(e for e in explanations if e.changes)
+        best = next(e for e in explanations if e.changes)
+        return _shared(best, explanations) if is_mixed else best
     name = asked.replace("@", " of ", 1)
     for e in explanations:
         if name in (e.id, e.id.split(" of ")[0]):
@@ -252,7 +266,8 @@ def _add_materials(
         free = [m for m in materials if m not in {c.material for c in fitted.changes}]
         if not free:
             break
-        more = [e for e in _explanations(receivers, free, scene, field, options) if len(e.changes) == 1]
+        found = _explanations(receivers, free, scene, field, options)
+        more = [e for e in found if len(e.changes) == 1]
         if not more:
             break
         tried = fit_changes(
@@ -342,8 +357,8 @@ def _look(e: Explanation) -> tuple:
 
 def _is_tie(e: Explanation, chosen: Explanation) -> bool:
     """Whether another explanation is as good as the chosen one, and not the same in other words."""
-    is_near = e.cost - chosen.cost < AMBIGUOUS
-    return is_near and bool(e.changes) and bool(chosen.changes) and _look(e) != _look(chosen)
+    is_near = e.cost - chosen.cost < AMBIGUOUS and len(e.changes) == 1
+    return is_near and bool(chosen.changes) and _look(e) != _look(chosen)
 
 
 def _alternative(e: Explanation, scene: Scene, is_chosen: bool, is_tie: bool) -> Alternative:

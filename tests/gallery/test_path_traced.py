@@ -12,7 +12,10 @@ from usdslf.gallery.play import Play
 
 pytestmark = pytest.mark.skipif(bool(why_no_pathtracer()), reason=why_no_pathtracer())
 DIRECT, INDIRECT = 5.0, 2.0  # times nearer
-NAMES = ("still_life", "toys", "shadow_diffuse", "sketch_specular")
+NAMES = (
+    "still_life", "toys", "shadow_diffuse", "sketch_specular", "across_the_mirror", "indirect_diffuse",
+    "indirect_specular",
+)  # fmt: skip
 
 
 @pytest.mark.parametrize("name", NAMES)

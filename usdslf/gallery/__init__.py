@@ -9,14 +9,18 @@
 
 from __future__ import annotations
 
-from usdslf.gallery import shadow_diffuse, sketch_specular, still_life, toys, window_light
+from usdslf.gallery import caustic, indirect_room, shadow_diffuse, sketch_specular, still_life, toys, window_light
 from usdslf.gallery.records import Entry
 
 ENTRIES: tuple[Entry, ...] = (
     still_life.ENTRY,
     toys.ENTRY,
+    indirect_room.MIRROR,
     shadow_diffuse.ENTRY,
     sketch_specular.ENTRY,
+    indirect_room.DULL,
+    indirect_room.GLOSSY,
+    caustic.ENTRY,
     window_light.ENTRY,
 )
 """All entries; the first one is run where none is named."""

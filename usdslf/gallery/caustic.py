@@ -6,6 +6,7 @@ mirrors; two fixate strokes say which; a yellow stroke on the caustic makes the 
 
 from __future__ import annotations
 
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -30,7 +31,7 @@ YELLOW: Rgb = (0.42, 0.36, 0.215)
 def build(folder: Path, hdri: str | None = None) -> Shot:
     """Returns the ring's shot."""
     band = np.array([[0.66, 0.0], [0.66, 0.26], [0.62, 0.26], [0.62, 0.0]])
-    profile = np.concatenate([np.linspace(a, b, 6) for a, b in zip(band[:-1], band[1:])])
+    profile = np.concatenate([np.linspace(a, b, 6) for a, b in pairwise(band)])
     parts = (
         Part("floor", panel((-2, 0, 2), (4, 0, 0), (0, 0, -4)), "floor"),
         Part("back", panel((-2, 0, -2), (4, 0, 0), (0, 1.5, 0)), "wall"),
