@@ -6,9 +6,14 @@ import json
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 from pxr import Sdf, Usd, UsdGeom, UsdShade
+from scipy.ndimage import gaussian_filter
 from stage_parts import StageBuilder, TextureInput, ball, checker, rectangle
+
+import usdslf
+from usdslf.surface import evaluate_surface
 
 Run = Callable[..., tuple[int, str, str]]
 SMALL = ("--elements", 600, "--bounces", 3)
@@ -61,6 +66,26 @@ def test_report_says_what_became_of_each_material(shot: Path, look: Path) -> Non
     assert sum(report["seconds"].values()) < 60
 
 
+def test_changes_vary_over_surfaces_and_textures_keep_their_detail(shot: Path, look: Path) -> None:
+    before = usdslf.open(str(shot), elements=600)
+    after = before.edited(look)
+    report = json.loads((shot.parent / "report.json").read_text())
+    shown = {m["material"].rpartition("/")[2]: m["representation"] for m in report["materials"]}
+    assert "texture" in shown["tiles"]
+    floor = np.flatnonzero(np.array([m.path.endswith("floor") for m in before.scene.meshes])[before.elements.mesh])
+    e = before.elements
+    old, new = (
+        evaluate_surface(s.scene, e.triangle[floor], e.barycentric[floor]).diffuse.mean(1) for s in (before, after)
+    )
+    moved = new - old
+    assert moved.std() > 0.01 and np.ptp(moved) > 0.05
+    assert np.corrcoef(old, new)[0, 1] > 0.7  # the tiles are still there
+    pictures = [s.render("/World/camera", (96, 72), samples=4)["color"].mean(-1) for s in (before, after)]
+    detail = [float(np.abs(np.log(p + 0.01) - gaussian_filter(np.log(p + 0.01), 5)).mean()) for p in pictures]
+    assert detail[1] > 1.05 * detail[0], detail
+    assert 0.7 < pictures[1].mean() / pictures[0].mean() < 1.3
+
+
 def test_the_look_is_sparse_and_leaves_what_it_may_not_edit(shot: Path, look: Path) -> None:
     layer = Sdf.Layer.FindOrOpen(str(look))
     text = look.read_text()
@@ -72,8 +97,10 @@ def test_the_look_is_sparse_and_leaves_what_it_may_not_edit(shot: Path, look: Pa
 
 def test_the_same_again_gives_the_same_bytes(shot: Path, look: Path, run: Run) -> None:
     first = look.read_bytes()
+    files = sorted(p.name for p in look.with_suffix(".textures").iterdir())
     assert run("stylize", shot, "-o", look, *SMALL)[0] == 0
     assert look.read_bytes() == first
+    assert sorted(p.name for p in look.with_suffix(".textures").iterdir()) == files  # named by their content
 
 
 def test_no_amount_authors_nothing(shot: Path, tmp_path: Path, run: Run) -> None:

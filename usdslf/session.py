@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 import usdslf
 from usdslf.anchors import locate_stroke, painted_faces
-from usdslf.color import color_of
+from usdslf.color import Color, color_of
 from usdslf.edits import MaterialChange, Reflectance, inferred
 from usdslf.elements import ElementLookup, Elements, refresh_reflectance, sample_elements
 from usdslf.errors import InputError, SolveError, StageError
@@ -33,6 +33,7 @@ from usdslf.render import render
 from usdslf.scene import Camera, Light, Scene
 from usdslf.solve import Options
 from usdslf.strokes import Stroke
+from usdslf.style_textures import with_textures
 from usdslf.stylize import (
     AMOUNT,
     RADIUS,
@@ -44,7 +45,7 @@ from usdslf.stylize import (
     stylize_light,
 )
 from usdslf.surroundings import find_surroundings
-from usdslf.usd.author import author_look, author_review_root
+from usdslf.usd.author import author_look, author_review_root, textures_folder
 from usdslf.usd.edited import open_edited
 from usdslf.usd.preview_material import make_preview as make_preview_materials
 from usdslf.usd.read import open_stage, read_scene
@@ -423,8 +424,8 @@ class Session:
         }
         with self._step("author"):
             self.edits = author_look(
-                self.shot, self.changes(mode), path, provenance, strokes_path, warnings=self.warnings, color=color,
-                mode=mode, made=self.made,
+                self.shot, self._with_textures(self.changes(mode), path, color), path, provenance, strokes_path,
+                warnings=self.warnings, color=color, mode=mode, made=self.made,
             )  # fmt: skip
             if review_root is not None:
                 author_review_root(review_root, path, strokes_path, self.shot.GetRootLayer().realPath)
@@ -432,6 +433,20 @@ class Session:
             if not edit.wins:
                 self.warn(f"{edit.prim}.{edit.attribute} is hidden by {edit.hidden_by}: {edit.mend}")
         return self.edits
+
+    def _with_textures(
+        self, changes: list[MaterialChange], look: str | os.PathLike[str], color: Color
+    ) -> list[MaterialChange]:
+        """Gives a stylized shot's changes the textures that vary over surfaces, where they can have them."""
+        s = self.stylized
+        if s is None:
+            return changes
+        styles = [style for style in s.styles if style.freed]
+        folder = textures_folder(look)
+        return [
+            with_textures(c, style, s, self.scene, self.elements, folder, color, self.warnings)
+            for c, style in zip(changes, styles, strict=True)
+        ]
 
     def _how(self) -> str:
         """How the look came about, for its provenance."""
