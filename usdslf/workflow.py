@@ -22,6 +22,7 @@ import numpy as np
 from usdslf.scene import F64
 
 MAX_IOR = 1000.0  # F0 = 0.996; above it a dielectric is a mirror
+NATURAL_IOR = 3.0  # F0 = 0.25; no dielectric has more
 _GRID = np.linspace(0, 1, 401)
 
 
@@ -114,6 +115,10 @@ def _metal_candidates(before: SurfaceInputs, d: F64, f0: F64, ior_is_free: bool)
     def over_metallic(make: Callable[[float], SurfaceInputs]) -> SurfaceInputs:
         return _search(lambda m_: error_of(make(m_), d, f0), make, m)
 
+    # what reflects like a metal is said as one, and by a high ior only where it also has a diffuse colour
+    is_natural = lambda x: x.ior <= NATURAL_IOR  # noqa: E731
+    new_ior = inputs(color(m), m, ior(m, color(m))) if ior_is_free and m < 1 else before
+
     yield before
     yield inputs(color(m), m, before.ior)
     if m > 0:
@@ -121,9 +126,10 @@ def _metal_candidates(before: SurfaceInputs, d: F64, f0: F64, ior_is_free: bool)
     if ior_is_free and m < 1:
         yield inputs(c, m, ior(m, c))
     yield over_metallic(lambda m_: inputs(c, m_, before.ior))
-    if ior_is_free and m < 1:
-        yield inputs(color(m), m, ior(m, color(m)))
+    if is_natural(new_ior):
+        yield new_ior
     yield over_metallic(lambda m_: inputs(color(m_), m_, before.ior))
+    yield new_ior
     if ior_is_free:
         yield over_metallic(lambda m_: inputs(c, m_, ior(m_, c)))
         yield over_metallic(lambda m_: inputs(color(m_), m_, ior(m_, color(m_))))

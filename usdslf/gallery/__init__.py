@@ -9,13 +9,14 @@
 
 from __future__ import annotations
 
-from usdslf.gallery import caustic, indirect_room, shadow_diffuse, sketch_specular, still_life, toys, window_light
+from usdslf.gallery import blue_wall, caustic, indirect_room, shadow_diffuse, sketch_specular, still_life, toys, window_light
 from usdslf.gallery.records import Entry
 
 ENTRIES: tuple[Entry, ...] = (
     still_life.ENTRY,
     toys.ENTRY,
     indirect_room.MIRROR,
+    blue_wall.ENTRY,
     shadow_diffuse.ENTRY,
     sketch_specular.ENTRY,
     indirect_room.DULL,
