@@ -69,7 +69,8 @@ def infer_indirect(
         choose: stroke name -> id of the alternative to take instead of the best.
         direct: what the direct strokes found; the light field has it already.
 
-    Raises: SolveError where nothing that may change is in sight, StrokeError for an alternative that is none.
+    Raises: SolveError where nothing that may change is in sight and no direct stroke changes anything; StrokeError
+    for an alternative that is none.
     """
     said = warnings if warnings is not None else []
     painted = [_with_answers(p, direct, scene) for p in painted]
@@ -100,7 +101,11 @@ def infer_indirect(
     where = ", ".join(s.path for s in asking)
     materials = materials_in_sight(receivers[: len(wanted)], scene, kept)
     if not materials:
-        raise SolveError(f"{where}: {_nothing_in_sight(receivers[: len(wanted)], scene, kept)}")
+        note = _nothing_in_sight(receivers[: len(wanted)], scene, kept)
+        if not any(a.chosen.freed for a in direct):
+            raise SolveError(f"{where}: {note}")
+        said.append(f"{where}: {note}")  # what the direct strokes found stands
+        return answers + [replace(_no_change(i, painted, evidence, field), note=note) for i in wanted]
     explanations = _explanations(receivers, materials, scene, field, options)
     is_met = mean_error(receivers, before) < MET
     chosen = _choose(explanations, asked, is_met, options.norm == "mixed", where)

@@ -541,12 +541,13 @@ class Session:
                 for c in answer.candidates
             ],
         }
+        if answer.note:
+            found["note"] = answer.note
         if answer.others:
             found["alternatives"] = [
                 {"id": o.id, "cost": o.cost, "materials": list(o.materials), "after": _plain(o.after)}
                 for o in sorted(answer.others, key=lambda o: (not o.is_chosen, o.cost))
             ]
-            found["note"] = answer.note
             found["also"] = [
                 {
                     "material": self.scene.materials[a.pool.material].path,

@@ -9,7 +9,16 @@
 
 from __future__ import annotations
 
-from usdslf.gallery import blue_wall, caustic, indirect_room, shadow_diffuse, sketch_specular, still_life, toys, window_light
+from usdslf.gallery import (
+    blue_wall,
+    caustic,
+    indirect_room,
+    shadow_diffuse,
+    sketch_specular,
+    still_life,
+    toys,
+    window_light,
+)
 from usdslf.gallery.records import Entry
 
 ENTRIES: tuple[Entry, ...] = (

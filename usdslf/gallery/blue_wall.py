@@ -42,14 +42,13 @@ def build(folder: Path, hdri: str | None = None) -> Shot:
 
 def run(play: Play) -> None:
     """White; white and a held place; white again, brighter."""
-    color = lambda gain: tuple(float(gain * max(SEEN)) for _ in range(3))  # noqa: E731
-    play.paint([(color(GAIN[0]), NEAR)], RADIUS, mode="indirect")
+    play.paint([(_white(GAIN[0]), NEAR)], RADIUS, mode="indirect")
     first = play.step("a white indirect stroke near the blue wall", goes_on=False)
     play.shows("the floor that was painted does not change", "floor" not in _changed(first), ", ".join(_changed(first)))
-    f0s = []
+    f0s: list[tuple[float, float]] = []
     for gain in GAIN:
-        play.paint([(color(gain), NEAR)], RADIUS, mode="indirect")
-        play.paint([(color(gain), AWAY)], RADIUS, mode="indirect", tool="fixate")
+        play.paint([(_white(gain), NEAR)], RADIUS, mode="indirect")
+        play.paint([(_white(gain), AWAY)], RADIUS, mode="indirect", tool="fixate")
         step = play.step(f"with a second stroke, {'again, ' if f0s else ''}{gain:g} of the floor's light")
         names, found = _changed(step), step.report["strokes"][0]
         is_specular = names == ["blue"] and "specular" in found["inferred"]
@@ -59,6 +58,11 @@ def run(play: Play) -> None:
     rises = f0s[0][0] < f0s[0][1] < f0s[1][1]
     f0 = f"F0 {f0s[0][0]:.2f}, {f0s[0][1]:.2f}, {f0s[1][1]:.2f}"
     play.shows("repeating the change makes it increasingly metallic", rises, f0)
+
+
+def _white(gain: float) -> Rgb:
+    light = gain * max(SEEN)
+    return light, light, light
 
 
 def _changed(step: Step) -> list[str]:
