@@ -16,6 +16,7 @@ from usdslf.gallery import (
     shadow_diffuse,
     sketch_specular,
     still_life,
+    stylize,
     toys,
     window_light,
 )
@@ -32,5 +33,6 @@ ENTRIES: tuple[Entry, ...] = (
     indirect_room.GLOSSY,
     caustic.ENTRY,
     window_light.ENTRY,
+    stylize.ENTRY,
 )
 """All entries; the first one is run where none is named."""
