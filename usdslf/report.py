@@ -17,6 +17,8 @@ def lines_of_report(report: Mapping[str, Any]) -> Iterator[str]:
         yield f"{stroke['path']} on {stroke['surface']}: {stroke['inferred']} of {stroke['material']}{tie}"
         residual = f"{stroke['residual_before']:.3f} -> {stroke['residual_after']:.3f}"
         yield f"  {_changes(stroke)}; residual {residual}"
+        for also in stroke.get("also", ()):
+            yield f"  and {also['inferred']} of {also['material']}: {_changes(also)}"
     for edit in report["edits"]:
         loses = "" if edit["wins"] else f"  (hidden by {edit['hidden_by']}: {edit['mend']})"
         change = f"{_value(edit['before'])} -> {_value(edit['after'])}"

@@ -24,7 +24,7 @@ MATERIALS: dict[str, Inputs] = {
     "blue": {"diffuseColor": (0.12, 0.2, 0.5), "roughness": 0.5},
     "ring": {"diffuseColor": (0.55, 0.55, 0.55), "roughness": 0.5},
 }
-WHITE: Rgb = (0.265, 0.265, 0.265)
+WHITE: Rgb = (0.27, 0.27, 0.27)
 YELLOW: Rgb = (0.42, 0.36, 0.215)
 
 
@@ -51,7 +51,8 @@ def run(play: Play) -> None:
     """White, white with two fixate strokes, yellow."""
     inside = [(0.395, 0.40), (0.40, 0.44), (0.415, 0.47), (0.43, 0.41), (0.44, 0.45), (0.445, 0.49), (0.465, 0.43),
               (0.47, 0.47), (0.42, 0.44), (0.455, 0.46)]  # fmt: skip
-    beside = ([(0.56, 0.44), (0.575, 0.46), (0.585, 0.42)], [(0.75, 0.80), (0.77, 0.82), (0.79, 0.80)])
+    beside = ([(0.56, 0.44), (0.575, 0.46), (0.585, 0.42), (0.55, 0.49)],
+              [(0.75, 0.80), (0.77, 0.82), (0.79, 0.80), (0.72, 0.83)])  # fmt: skip
 
     def strokes(color: Rgb, hold: bool) -> None:
         play.paint([(color, inside)], RADIUS, mode="indirect")
@@ -92,4 +93,5 @@ ENTRY = Entry(
     "A white indirect stroke is ambiguous, two fixate strokes turn the ring to a metal, a yellow one to gold.",
     build,
     run,
+    2500,
 )
