@@ -76,4 +76,5 @@ ENTRY = Entry(
     "A second stroke tells that the diffuse blue wall is to become specular, and repeating it makes it more metallic.",
     build,
     run,
+    2500,
 )

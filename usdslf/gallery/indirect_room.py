@@ -125,6 +125,7 @@ MIRROR = Entry(
     "A direct stroke changes the mirror it lies on; an indirect one changes the object that is mirrored there.",
     _build("across_the_mirror", "mirror"),
     _run_mirror,
+    2500,
 )
 DULL = Entry(
     "indirect_diffuse",
@@ -133,6 +134,7 @@ DULL = Entry(
     "A green indirect stroke on the floor changes all other surfaces, and the floor's spot becomes as painted.",
     _build("indirect_diffuse", "dull"),
     _run_dull,
+    2500,
 )
 GLOSSY = Entry(
     "indirect_specular",
@@ -141,4 +143,5 @@ GLOSSY = Entry(
     "An orange indirect stroke on a glossy floor changes the right wall, which contributes to it.",
     _build("indirect_specular", "glossy"),
     _run_glossy,
+    2500,
 )
