@@ -23,6 +23,22 @@
 #define PARALLEL 1e-4f /* sine^2 of the angle between u and v below which they say the same */
 #define CANDIDATES 4   /* nothing, diffuse, specular, both */
 
+/* columns between two levels, one work-item a bin of a block
+ * ab     (2, blocks, D, 3) float16: of one level
+ * share  (blocks) float16: of this level in the roughness of each element
+ * own    (2, blocks, D, 3) float16: added to
+ */
+__kernel void add_share(__global const float16 *ab, __global const float16 *share, const uint blocks, __global float16 *own)
+{
+    uint d = get_global_id(0), block = get_global_id(1);
+    if (d >= D_BINS || block >= blocks) return;
+    for (uint k = 0; k < 2; k++)
+        for (uint c = 0; c < 3; c++) {
+            size_t at = ((size_t)(k * blocks + block) * D_BINS + d) * 3 + c;
+            own[at] += share[block] * ab[at];
+        }
+}
+
 /* u' G v of two combinations of the bases */
 inline float form(const float *u, const float *gram, const float *v)
 {
@@ -49,13 +65,11 @@ inline float wanted_along(const float *u, const float *gram, const float *h, con
  * wanted     (blocks, D, 3, 16) without emission and coat
  * weight     (blocks, D, 16) the diagonal of W
  * present    (blocks, 10, 16): d, F0, F90 of three channels each, and whether F90 follows F0
- * share      (blocks, 16) of this level in the element's own roughness
- * own        (2, blocks, D, 3, 16) A and B of the element's own roughness: added to, by that share
  * out        (blocks * 16, CANDIDATES, 7): d, F0 and the residual r' W r
  */
 __kernel void fit_level(__global const float *xy, __global const float *ab, __global const float *wanted,
-                        __global const float *weight, __global const float *present, __global const float *share,
-                        const uint blocks, __global float *own, __global float *out)
+                        __global const float *weight, __global const float *present, const uint blocks,
+                        __global float *out)
 {
     uint i = get_global_id(0);
     if (i >= blocks * LANES) return;
@@ -65,7 +79,6 @@ __kernel void fit_level(__global const float *xy, __global const float *ab, __gl
 #if !PHONG
     __global const float *y = xy + second, *b = ab + second;
 #endif
-    float mine = share[i];
     int tied = present[(block * 10 + 9) * LANES + lane] > 0.5f;
     float residual[CANDIDATES] = {0.0f, 0.0f, 0.0f, 0.0f};
     for (int c = 0; c < 3; c++) {
@@ -94,9 +107,7 @@ __kernel void fit_level(__global const float *xy, __global const float *ab, __gl
                 base[BA] = tied ? a[at] + b[at] : a[at];
                 base[BY] = tied ? 0.0f : y[at];
                 base[BX] = tied ? x[at] + y[at] : x[at];
-                if (mine != 0.0f) own[second + at] += mine * b[at];
 #endif
-                if (mine != 0.0f) own[at] += mine * a[at];
                 for (int k = 0; k < BASES; k++) {
                     h_of_row[k] += w * base[k] * wanted[at];
                     for (int l = 0; l < BASES; l++) gram_of_row[k * BASES + l] += w * base[k] * base[l];

@@ -18,11 +18,12 @@ from usdslf.evidence import Evidence, build_evidence, gather_samples
 from usdslf.gpu.device import Device
 from usdslf.light_set import LightSet
 from usdslf.low_discrepancy import random_shifts, sobol_points
-from usdslf.reflectance import roughness_levels
+from usdslf.reflectance import gloss_levels
 from usdslf.scene import Light
 from usdslf.strokes import Stroke
 
-LEVELS = roughness_levels()
+LEVELS = gloss_levels("preview_surface")
+PHONG_LEVELS = gloss_levels("phong")
 EYE = np.array([1.2, 0.4, 1.5])
 AT = np.array([-0.9, -0.3, 1.3])  # near where the eye's mirror direction goes
 SHAPES = {"rect": (0.8, 0.5), "disk": (0.35,), "sphere": (0.3,), "distant": (np.radians(20),)}
@@ -96,17 +97,18 @@ def test_columns_are_the_integrals_of_the_light(device: Device, model: str, kind
     light = Light("/l", "dome", (1.0, 2.0, 3.0), np.eye(4)) if kind == "dome" else light_of(kind)
     u, v = (x.ravel() for x in np.meshgrid(np.linspace(0, 0.15, 6), np.linspace(-0.03, 0.08, 4)))
     e = evidence_of(ground(device, (light,), model), stroke_at(list(zip(u, v, 0 * u))))
-    assert e.columns.shape[1:] == (len(LEVELS) + 1, 4, 3) and len(e.target) == 24
+    levels = gloss_levels(model)
+    assert e.columns.shape[1:] == (len(levels) + 1, 4, 3) and len(e.target) == 24
     for j in (0, 1, 3, 7, 13, 19) if kind in ("rect", "dome") else (1, 3, 7, 19):
-        got, expected = by_dab(e, e.columns[:, j]), expected_columns(e, model, LEVELS[j], kind)
+        got, expected = by_dab(e, e.columns[:, j]), expected_columns(e, model, levels[j], kind)
         assert (expected[:, 0].mean() > 0.01) and (expected[:, 2].mean() > 0.003)
         np.testing.assert_allclose(got[..., 1], 2 * got[..., 0], rtol=1e-4, atol=1e-7)
         rtol = 0.01 if j else 0.03 if model == "preview_surface" else 0.06
         np.testing.assert_allclose(
-            got[..., 0].mean(0), expected.mean(0), rtol=rtol, atol=5e-5, err_msg=f"{LEVELS[j]:.2f}"
+            got[..., 0].mean(0), expected.mean(0), rtol=rtol, atol=5e-5, err_msg=f"{levels[j]:.2f}"
         )
         worst = np.abs(got[..., 0] - expected).max(0) / expected.max(0).clip(1e-3)
-        assert worst.max() < (0.06 if j else 0.15), (LEVELS[j], worst)
+        assert worst.max() < (0.06 if j else 0.15), (levels[j], worst)
 
 
 def test_the_last_level_is_the_sample_s_own_roughness(device: Device) -> None:
@@ -132,7 +134,7 @@ def test_what_is_hidden_brings_nothing_and_what_glows_brings_its_light(device: D
         columns = []
         for point in e.surface.position[painted(e)].astype(float):
             l, solid = ref.light_directions("rect", (0.8, 0.5), (-0.9, -0.3, 1.299), point, 64)
-            columns.append(ref.columns_of_light("phong", LEVELS[j], [0, 0, 1], EYE - point, l, solid))
+            columns.append(ref.columns_of_light("phong", PHONG_LEVELS[j], [0, 0, 1], EYE - point, l, solid))
         expected = np.mean(columns, 0)
         got = e.columns[painted(e), j].mean(0)[:, 0]
         np.testing.assert_allclose(got[[0, 2]], expected[[0, 2]], rtol=0.05)  # rays alone find it
@@ -227,7 +229,7 @@ def test_inside_a_furnace_every_column_is_its_albedo(device: Device) -> None:
     for j in (3, 9, 19):
         got = e.columns[painted(e), j].mean(0)[:, 0]
         eye = np.array([0.4, 0.2, 1.4])
-        expected = light * ref.columns_of_dome("phong", LEVELS[j], [0, 0, 1], eye)
+        expected = light * ref.columns_of_dome("phong", PHONG_LEVELS[j], [0, 0, 1], eye)
         np.testing.assert_allclose(got, expected, rtol=0.02, atol=2e-3)
 
 

@@ -18,7 +18,10 @@ from usdslf.reflectance import (
     MODELS,
     column_weights,
     columns,
+    contrast_gloss,
     directional_albedo,
+    distinctness_of_gloss,
+    gloss_levels,
     lobe_parameter,
     phong_exponent,
     roughness_levels,
@@ -168,3 +171,40 @@ def test_levels_are_twenty_even_steps_of_roughness_and_narrow_as_it_falls() -> N
     assert (np.diff(phong_exponent(LEVELS)) < 0).all() and (phong_exponent(LEVELS) > 0).all()
     with pytest.raises(InputError, match="phong"):
         lobe_parameter("ward", 0.5)
+
+
+def test_levels_of_phong_are_even_in_perceived_gloss_and_those_of_roughness_are_not() -> None:
+    """Pellacini et al. 2000: distance^2 = c^2 + (1.78 d)^2, d = 1 - alpha; c does not depend on the level."""
+    levels = gloss_levels("phong")
+    assert len(levels) == LEVEL_COUNT and levels[0] == pytest.approx(0.05) and levels[-1] == pytest.approx(1)
+    c = ref.contrast_gloss(0.3, 0.2)
+    spot = np.stack([np.full(LEVEL_COUNT, c), 1.78 * (1 - levels**2)], 1)
+    steps = np.linalg.norm(np.diff(spot, axis=0), axis=1)
+    np.testing.assert_allclose(steps, 1.78 * (1 - 0.05**2) / 19, rtol=1e-9)
+    np.testing.assert_allclose(distinctness_of_gloss(levels), 1 - levels**2)
+    even = -np.diff(distinctness_of_gloss(LEVELS))
+    assert even.max() / even.min() > 12  # even steps of roughness are not even steps of gloss
+    np.testing.assert_array_equal(gloss_levels("preview_surface"), LEVELS)
+
+
+def test_contrast_gloss_is_pellacinis() -> None:
+    for k_d, k_s in ((0.0, 0.1), (0.3, 0.033), (0.19, 0.099), (0.5, 0.0)):
+        assert contrast_gloss(k_d, k_s) == pytest.approx(ref.contrast_gloss(k_d, k_s))
+
+
+@pytest.mark.parametrize("roughness", [0.1, 0.3, 0.45])
+def test_the_lobe_of_phong_is_as_wide_as_that_of_ggx(roughness: float) -> None:
+    """Half of the light of either lobe, seen along the normal, lies within about the same angle."""
+    e = np.array([0.0, 0.0, 1.0])
+    l, weight = ref.polar_grid(e, 0.5 * roughness**2, 400, 40)
+    up = l[:, 2] > 1e-6
+    l, weight = l[up], weight[up]
+    within = []
+    for lobe in (
+        ref.preview_surface([0], [1], [1], roughness, e, l)[:, 0],
+        ref.phong([0], [1], float(phong_exponent(roughness)), e, l)[:, 0],
+    ):
+        order = np.argsort(-l[:, 2])
+        mass = np.cumsum((weight * lobe * l[:, 2])[order])
+        within.append(np.arccos(l[order[np.searchsorted(mass, 0.5 * mass[-1])], 2]))
+    assert within[1] == pytest.approx(within[0], rel=0.2)

@@ -11,7 +11,17 @@ from reference.reflectance import frame_about
 
 from usdslf.evidence import Evidence
 from usdslf.reflectance import roughness_levels
-from usdslf.solve import Candidate, Options, Tables, enumerate_candidates, pool_tables, refit, relative_error
+from usdslf.solve import (
+    Candidate,
+    Options,
+    Tables,
+    enumerate_candidates,
+    pool_tables,
+    predicted,
+    refit,
+    relative_error,
+    whiten,
+)
 from usdslf.strokes import Stroke
 from usdslf.surface import SurfacePoints
 
@@ -352,3 +362,26 @@ def test_phong_without_noise_is_the_papers_closed_form(world: World, levels: dic
         chosen = refit(tables, next(c for c in candidates if c.id == name))
         diffuse, f0, _ = look_of(tables, chosen)
         np.testing.assert_allclose(np.stack([diffuse, f0], 1), expected, atol=2e-4)
+
+
+@pytest.mark.parametrize("change", [{"diffuse": (0.95, 0.9, 0.9)}, {"f0": (0.9, 0.9, 0.9)}, {"roughness": 0.5}])
+def test_phong_gains_no_energy_and_its_misfit_is_of_what_it_may_reflect(
+    world: World, levels: dict, change: dict
+) -> None:
+    """What is painted reflects up to 1.9 times what arrives."""
+    before = Look((0.5, 0.45, 0.4), (0.3, 0.3, 0.3), 0.3)
+    wanted = replace(before, **{"diffuse": (0.9, 0.8, 0.7), "f0": (0.9, 0.8, 0.9), **change})
+    tables, _, candidates = solved(painted(world, levels, before, wanted, "phong"), model="phong")
+    white, outlier = whiten(tables, Options()), Options().outlier
+    for c in enumerate_candidates(tables):
+        for found in (c, refit(tables, c)):
+            most = found.diffuse_of(tables.diffuse) + found.f0_of(tables.f0)
+            assert most.max() <= 1 + 1e-9, found.id
+        r = white @ ((predicted(tables, c) - tables.target) / tables.scale).reshape(-1)
+        of_dab = (r * r).reshape(-1, 3).sum(1)
+        assert c.misfit == pytest.approx((outlier * np.log1p(of_dab / outlier)).sum(), rel=1e-6)
+    free = replace(tables, is_phong=False)
+    both = refit(free, next(c for c in enumerate_candidates(free) if c.id == "diffuse+specular"))
+    assert (both.diffuse_of(tables.diffuse) + both.f0_of(tables.f0)).max() > 1.2
+    held = refit(tables, next(c for c in candidates if c.id == "diffuse+specular"))
+    assert relative_error(tables, held) > 1.2 * relative_error(free, both)

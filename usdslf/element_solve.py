@@ -21,13 +21,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from usdslf.directions import D
 from usdslf.light_field import CHUNK_BLOCKS, LANES, NEAR, LightField, levels_of
-from usdslf.reflectance import LEVEL_COUNT, roughness_levels
+from usdslf.preconvolution import LevelKernel
+from usdslf.reflectance import LEVEL_COUNT, gloss_levels
 from usdslf.scene import F64
 
 PAPER_WEIGHTS = (1.0, 5.0, 25.0)  # of a residual where one, two, three parameters change
@@ -133,7 +135,7 @@ def solve_elements(
 def _enumerate_chunk(field: LightField, element: NDArray, wanted: NDArray, weight: NDArray) -> ElementCandidates:
     device, s, n = field.device, field.surface, len(element)
     count = -(-n // LANES)
-    size = np.int32(count)
+    size, is_phong = np.int32(count), int(field.model == "phong")
     kernel = lambda stem, name, **c: device.kernel(stem, name, **c)  # noqa: E731
     light_kernel = lambda name: device.kernel("light_field", name, NEAR=NEAR, LOBE=0)  # noqa: E731
     block = (count, D, 3, LANES)
@@ -155,30 +157,40 @@ def _enumerate_chunk(field: LightField, element: NDArray, wanted: NDArray, weigh
     target = np.asarray(wanted, np.float32) - s.emission[element][:, None] - _coat(field, element)
     wanted_d, weight_d = device.upload(_by_lanes(target)), device.upload(_by_lanes(weight[..., None])[:, :, 0])
     present_d = device.upload(_by_lanes(_present(field, element)[:, None])[:, 0])
-    low, share = levels_of(s.roughness[element])
     out_d = device.empty((count * LANES, len(FITTED), 7), np.float32)
-    fit = kernel("element_solve", "fit_level", PHONG=int(field.model == "phong"))
+
+    def reflect(level: LevelKernel, w: dict[str, Any]) -> None:
+        """A and B of one level, into `ab_d`."""
+        if level.coarse:
+            kernel("element_fit", "coarse_columns")(
+                (D // 4, count), (64, 1), coarse_d, w["a"], w["b"], w["fine_scale"], size, ab_d
+            )
+        else:
+            kernel("element_fit", "sharp_columns")(
+                (D, count), (64, 1), light_d, w["first"], w["tap"], w["a"], w["b"], size, ab_d
+            )
+
+    def fit(columns_d: Any) -> NDArray[np.float32]:
+        kernel("element_solve", "fit_level", PHONG=is_phong)(
+            (count * LANES,), (LANES,), xy_d, columns_d, wanted_d, weight_d, present_d, np.uint32(count), out_d
+        )
+        return np.asarray(device.download(out_d)[:n])
+
+    levels = gloss_levels(field.model)
     tables = []
-    for j in range(OWN + 1):
-        of_own = np.where(low == j, 1 - share, np.where(low + 1 == j, share, 0)) if j < OWN else 0 * share
+    for roughness in levels:
+        reflect(*field.level_of(float(roughness)))
+        tables.append(fit(ab_d))
+    low, share = levels_of(s.roughness[element])
+    for j in np.unique([low, low + 1]):
+        of_own = np.where(low == j, 1 - share, np.where(low + 1 == j, share, 0))
+        reflect(*field.level(int(j)))
         share_d = device.upload(_by_lanes(of_own[:, None, None])[:, 0, 0])
-        if j < OWN:
-            level, w = field.level(j)
-            if level.coarse:
-                kernel("element_fit", "coarse_columns")(
-                    (D // 4, count), (64, 1), coarse_d, w["a"], w["b"], w["fine_scale"], size, ab_d
-                )
-            else:
-                kernel("element_fit", "sharp_columns")(
-                    (D, count), (64, 1), light_d, w["first"], w["tap"], w["a"], w["b"], size, ab_d
-                )
-        fit(
-            (count * LANES,), (LANES,), xy_d, ab_d if j < OWN else own_d, wanted_d, weight_d, present_d, share_d,
-            np.uint32(count), own_d if j < OWN else ab_d, out_d,
-        )  # fmt: skip
-        tables.append(device.download(out_d)[:n])
+        add = kernel("element_solve", "add_share", PHONG=is_phong)
+        add((D, count), (64, 1), ab_d, share_d, np.uint32(count), own_d)
+    tables.append(fit(own_d))
     table = np.stack(tables, 1)
-    roughness = np.concatenate([np.tile(roughness_levels(), (n, 1)), s.roughness[element][:, None]], 1)
+    roughness = np.concatenate([np.tile(levels, (n, 1)), s.roughness[element][:, None]], 1)
     square = np.einsum("nd,ndc->n", weight.astype(np.float64), target.astype(np.float64) ** 2)
     return ElementCandidates(element, roughness, table[..., :3], table[..., 3:6], table[..., 6], square)
 

@@ -23,7 +23,7 @@ from usdslf.errors import StrokeError
 from usdslf.light_field import LightField
 from usdslf.light_set import LightSet
 from usdslf.low_discrepancy import random_shifts, sobol_points
-from usdslf.reflectance import lobe_parameter, roughness_levels
+from usdslf.reflectance import gloss_levels, lobe_parameter
 from usdslf.scene import Scene
 from usdslf.strokes import Stroke, dab_rows
 from usdslf.surface import SurfacePoints, evaluate_surface
@@ -290,7 +290,7 @@ def build_evidence(
     n = len(stroke_row)
     own = surface.roughness.astype(np.float64)
     first = np.searchsorted(samples.dab, np.arange(n))
-    levels = sample_levels(own, float(own[samples.dab < n].mean()))
+    levels = sample_levels(own, float(own[samples.dab < n].mean()), field.model)
     columns = evaluate_columns(samples, field, levels)
     background_sample, background = _background(samples, field, levels, first)
     coat = unchanging_radiance(samples, field)
@@ -306,9 +306,9 @@ def build_evidence(
     )  # fmt: skip
 
 
-def sample_levels(own: NDArray, mean: float) -> NDArray[np.float64]:
+def sample_levels(own: NDArray, mean: float, model: str) -> NDArray[np.float64]:
     """Levels (S, J + 1) of samples: their mean moved onto each level, variation kept, and their own at the end."""
-    shift = roughness_levels()[None] - mean
+    shift = gloss_levels(model)[None] - mean
     return np.concatenate([np.clip(own[:, None] + shift, 0.001, 1), own[:, None]], 1)
 
 

@@ -21,8 +21,19 @@ from usdslf.evidence import Evidence, Samples, build_evidence, evaluate_columns,
 from usdslf.light_field import LightField, Surface
 from usdslf.light_set import LightSet
 from usdslf.reach import dimming, error_of, explains_nothing
+from usdslf.reflectance import gloss_levels
 from usdslf.scene import Scene
-from usdslf.solve import Candidate, Options, Tables, enumerate_candidates, pool_tables, refit, relative_error
+from usdslf.solve import (
+    Candidate,
+    Options,
+    Tables,
+    enumerate_candidates,
+    hold_energy,
+    pool_tables,
+    refit,
+    relative_error,
+    ways_of,
+)
 from usdslf.strokes import Stroke
 from usdslf.tools import asks_for_nothing, expected_error, wanted_radiance
 
@@ -228,10 +239,12 @@ def _with_changes(answer: Answer, change: NDArray) -> Answer:
     """The answer with another change (7,) of its freed parameters, held to what is possible."""
     c, t = answer.chosen, answer.tables
     low_d, high_d = (-1.0, np.inf) if c.is_tint else (-t.diffuse, 1 - t.diffuse)
+    dd, df = np.clip(change[:3], low_d, high_d), np.clip(change[3:6], -t.f0, 1 - t.f0)
+    dd, df = hold_energy(t, dd, df, *ways_of(c)[:2], c.is_tint)
     chosen = replace(
         c,
-        delta_diffuse=np.clip(change[:3], low_d, high_d),
-        delta_f0=np.clip(change[3:6], -t.f0, 1 - t.f0),
+        delta_diffuse=dd,
+        delta_f0=df,
         roughness_shift=float(change[6]),
     )
     before, after = means_of(t, chosen)
@@ -329,7 +342,9 @@ def _refit(
 def _finer(e: Evidence, samples: Samples, field: LightField, chosen: Candidate) -> Evidence:
     """The evidence on levels around the chosen one, and the own level at the end."""
     own = e.levels[:, -1]
-    shift = chosen.roughness_shift + np.linspace(-0.05, 0.05, FINE_LEVELS)
+    steps = gloss_levels(field.model)
+    step = np.interp(own.mean() + chosen.roughness_shift, steps, np.gradient(steps))
+    shift = chosen.roughness_shift + np.linspace(-step, step, FINE_LEVELS)
     levels = np.concatenate([np.clip(own[:, None] + shift, 0.001, 1), own[:, None]], 1)
     columns = evaluate_columns(samples, field, levels)
     pad = np.repeat(e.background[:, -1:], levels.shape[1], 1)

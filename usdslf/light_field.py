@@ -103,7 +103,7 @@ class LightField:
         self.cosine_d = device.upload((z / z.sum()).astype(np.float32))
         y, y_scale = fresnel_diffuse(device, model)
         self.y_d, self.y_scale_d = device.upload(y), device.upload(y_scale)
-        self._levels: dict[int, tuple[LevelKernel, dict[str, Any]]] = {}
+        self._levels: dict[float, tuple[LevelKernel, dict[str, Any]]] = {}
         self.surface = Surface.of(elements)
         self._blocks: list[_Blocks] = []
         self.set_surface(self.surface)
@@ -151,11 +151,15 @@ class LightField:
 
     def level(self, j: int) -> tuple[LevelKernel, dict[str, Any]]:
         """Returns the weights of a roughness level, and its arrays on the device by name."""
-        if j not in self._levels:
-            level = build_level(self.device, self.model, float(roughness_levels()[j]))
+        return self.level_of(float(roughness_levels()[j]))
+
+    def level_of(self, roughness: float) -> tuple[LevelKernel, dict[str, Any]]:
+        """Returns the same of any one roughness; each is kept."""
+        if roughness not in self._levels:
+            level = build_level(self.device, self.model, roughness)
             arrays = {k: self.device.upload(v) for k, v in vars(level).items() if v is not None}
-            self._levels[j] = (level, arrays)
-        return self._levels[j]
+            self._levels[roughness] = (level, arrays)
+        return self._levels[roughness]
 
     def bounce(self) -> float:
         """Sends the light once more; returns the relative change of the light field (L1)."""

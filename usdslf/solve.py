@@ -72,6 +72,7 @@ class Tables:
     roughness: float
     is_metal: bool  # F90 follows F0, no diffuse reflection
     is_textured: bool  # d varies
+    is_phong: bool = False  # d + F0 <= 1 is for the fit to keep
 
     @property
     def own(self) -> int:
@@ -144,6 +145,7 @@ def pool_tables(evidences: list[Evidence], material: int, model: str = "preview_
         roughness=float(cat["levels"][:, -1].mean()),
         is_metal=bool(np.abs(f90 - f0).max() < 2e-3 and d.max() < 0.02),
         is_textured=bool(d.std(0).max() > 5e-3),
+        is_phong=model == "phong",
     )
 
 
@@ -153,6 +155,8 @@ def _tables_of(e: Evidence, material: int, index: int, model: str) -> dict[str, 
     mean = lambda x: mean_by(x, e.dab_of_sample)[:n][here]  # noqa: E731
     s = e.surface
     d, f0, f90 = (x.astype(np.float64) for x in (s.diffuse, s.f0, s.f90))
+    if model == "phong":  # as the light field reflects it
+        f0 = np.minimum(f0, np.maximum(1 - d, 0))
     tied = bool(np.abs(f90 - f0).max() < 2e-3 and d.max() < 0.02) if len(d) else False
     p, u, v, w = bilinear(e.columns, d, f0, f90, tied, model)
     p = p + e.coat[:, None]
@@ -233,13 +237,13 @@ def enumerate_candidates(t: Tables, o: Options | None = None, groups: tuple[str,
                     c = fit(t, o, white, level, diffuse, specular, free_gloss)
                     if (c.id, specular) not in best or c.cost < best[c.id, specular].cost:
                         best[c.id, specular] = c
-    found = [fit(t, o, white, c.level, *_ways(c), True) for c in best.values()]
+    found = [fit(t, o, white, c.level, *ways_of(c), True) for c in best.values()]
     found.sort(key=lambda c: c.cost)
     return [c for i, c in enumerate(found) if c.id not in {other.id for other in found[:i]}]
 
 
-def _ways(c: Candidate) -> tuple[str, str, bool]:
-    """How a candidate was fitted: `diffuse`, `specular` and `free_gloss` of `fit`."""
+def ways_of(c: Candidate) -> tuple[str, str, bool]:
+    """Returns how a candidate was fitted: `diffuse`, `specular` and `free_gloss` of `fit`."""
     specular = "" if "specular" not in c.freed else "grey" if is_grey(c) else "color"
     return "color" if "diffuse" in c.freed else "", specular, "glossiness" in c.freed
 
@@ -382,7 +386,7 @@ def _fit(
     p, u, v, w = (x[:, level] for x in (t.p, u, t.v, w))
     low_d, high_d = (-np.ones(3), 1 / np.maximum(t.diffuse, 1e-3) - 1) if tint else (-t.diffuse, 1 - t.diffuse)
     low_f, high_f = -t.f0, 1 - t.f0
-    dd, df = np.zeros(3), np.zeros(3)
+    dd, df = hold_energy(t, np.zeros(3), np.zeros(3), diffuse, specular, tint)
     n = len(t.target)
 
     scale = t.scale if trust is None else t.scale / trust[:, None]
@@ -417,10 +421,35 @@ def _fit(
                 dd, x = x[:3], x[3:]
             if specular:
                 df = x[:3] if specular == "color" else np.full(3, x[0])
+            dd, df = hold_energy(t, dd, df, diffuse, specular, tint)
             r = residual(dd, df, scale)
     r = residual(dd, df, t.scale)
     of_dab = (r * r).reshape(n, 3).sum(1)
     return dd, df, float((o.outlier * np.log1p(of_dab / o.outlier)).sum())
+
+
+def hold_energy(t: Tables, dd: F64, df: F64, diffuse: str, specular: str, tint: bool) -> tuple[F64, F64]:
+    """Scales what a change of phong's k_d and k_s frees until both reflect no more than arrives.
+
+    One free parameter is lowered alone, two are scaled alike; a grey k_s stays grey.  preview_surface cannot gain
+    energy.  Source: Nguyen et al. 2013, 5.3.
+    """
+    if not t.is_phong or not (diffuse or specular):
+        return dd, df
+    k_d, k_s = t.diffuse * (1 + dd) if tint else t.diffuse + dd, t.f0 + df
+    if diffuse and specular:
+        share = 1 / np.maximum(k_d + k_s, 1)
+        k_d, k_s = k_d * share, k_s * share
+    elif diffuse:
+        k_d = np.minimum(k_d, np.maximum(1 - k_s, 0))
+    else:
+        k_s = np.minimum(k_s, np.maximum(1 - k_d, 0))
+    if diffuse:
+        dd = k_d / np.maximum(t.diffuse, 1e-12) - 1 if tint else k_d - t.diffuse
+    if specular:
+        df = k_s - t.f0
+        df = np.full(3, df.min()) if specular == "grey" else df
+    return dd, df
 
 
 def _channel(g: F64, c: int, n: int) -> F64:
@@ -452,7 +481,7 @@ def refit(t: Tables, chosen: Candidate, o: Options | None = None) -> Candidate:
     o = o or Options()
     exact = replace(o, drift_error=0.0, tint_error=0.0, outlier=4.0)
     white = whiten(t, exact)
-    diffuse, specular, _ = _ways(chosen)
+    diffuse, specular, _ = ways_of(chosen)
     dd, df, misfit = _fit_robustly(t, exact, white, chosen.level, diffuse, specular, chosen.is_tint)
     if specular == "grey" and t.is_metal:  # a metal's colour, where the strokes are sure of it
         color = _fit_robustly(t, exact, white, chosen.level, diffuse, "color", chosen.is_tint)

@@ -89,11 +89,17 @@ def columns(model: str, roughness: float, e: ArrayLike, l: ArrayLike) -> F64:
 
 
 def exponent_of(roughness: float) -> float:
-    """Phong's exponent of GGX's roughness: n = 2 / alpha^2 - 2 (Walter et al. 2007, section 5.2).
+    """Phong's exponent of GGX's roughness: (2 / alpha^2 - 2) / 4.
 
-    1e6 at most, and above 0, where cos^n has no limit at the rim of the lobe.
+    Half vectors turn half as far as mirrored directions: (cos t / 2)^m is about (cos t)^(m / 4), and m of alpha is
+    that of Walter et al. 2007, section 5.2.  1e6 at most, and above 0, where cos^n has no limit at the rim of the lobe.
     """
-    return min(max(2 / max(roughness, 0.01) ** 4 - 2, 1e-3), 1e6)
+    return min(max((2 / max(roughness, 0.01) ** 4 - 2) / 4, 1e-3), 1e6)
+
+
+def contrast_gloss(k_d: float, k_s: float) -> float:
+    """Pellacini et al. 2000."""
+    return float((k_s + k_d / 2) ** (1 / 3) - (k_d / 2) ** (1 / 3))
 
 
 def mirror(e: ArrayLike) -> F64:
