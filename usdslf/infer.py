@@ -20,6 +20,7 @@ from usdslf.errors import SolveError, StrokeError
 from usdslf.evidence import Evidence, Samples, build_evidence, evaluate_columns, gather_samples
 from usdslf.light_field import LightField, Surface
 from usdslf.light_set import LightSet
+from usdslf.propagate import Places
 from usdslf.reach import dimming, error_of, explains_nothing
 from usdslf.reflectance import gloss_levels
 from usdslf.scene import Scene
@@ -33,9 +34,11 @@ from usdslf.solve import (
     refit,
     relative_error,
     ways_of,
+    whiten,
 )
 from usdslf.strokes import Stroke
 from usdslf.tools import asks_for_nothing, expected_error, wanted_radiance
+from usdslf.varying import Varying, as_candidate, best_varying, places_of_dabs, refit_varying, varying_error
 
 if TYPE_CHECKING:
     from usdslf.visibility import RayTracer
@@ -85,6 +88,7 @@ class Answer:
     reach: float = 1.0  # factor that brings the paint within what the surface can send
     others: tuple[Alternative, ...] = ()  # of an indirect stroke: explanations by all materials in sight
     note: str = ""  # of an indirect stroke: how well its radiance is met, or why it cannot be
+    varying: Varying | None = None  # where the change varies over the surface; `chosen` holds its mean
 
     @property
     def is_ambiguous(self) -> bool:
@@ -206,7 +210,7 @@ def _or_nothing(answer: Answer, painted: list[Painted], choose: dict[str, str], 
     """The answer, unless its change explains next to nothing and nobody chose it: then none."""
     c, t = answer.chosen, answer.tables
     strokes = [painted[i].stroke for i in answer.pool.strokes]
-    if not c.freed or any(choose.get(s.name) or s.choice for s in strokes):
+    if not c.freed or answer.varying or any(choose.get(s.name) or s.choice for s in strokes):
         return answer
     none = replace(next((x for x in answer.candidates if x.id == "none"), Candidate(())), level=t.own)
     before, after = error_of(t, none), error_of(t, c)
@@ -248,7 +252,10 @@ def _with_changes(answer: Answer, change: NDArray) -> Answer:
         roughness_shift=float(change[6]),
     )
     before, after = means_of(t, chosen)
-    return replace(answer, chosen=chosen, before=before, after=after)
+    varying = answer.varying
+    if varying:
+        varying = varying.moved(chosen.delta_diffuse if varying.parameter == "diffuse" else chosen.delta_f0)
+    return replace(answer, chosen=chosen, before=before, after=after, varying=varying)
 
 
 def _total(answers: list[Answer]) -> float:
@@ -310,10 +317,17 @@ def _first_answer(
             known = ", ".join(c.id for c in candidates)
             raise StrokeError(f"{mine[0].stroke.path}: there is no alternative '{wanted[0]}'; choose one of {known}")
         chosen = same[0]
+    varying = None
+    if not (wanted or pool.is_held) and options.norm == "mixed":
+        brush = float(np.mean([e.stroke.widths.mean() for e in mine]))
+        found = best_varying(tables, options, whiten(tables, options), places_of_dabs(mine, pool.material), brush)
+        if found and found[0].cost < chosen.cost:
+            chosen, varying = found
     none = next((c for c in candidates if c.id == "none"), Candidate(()))
     before = relative_error(tables, replace(none, level=tables.own))
     start = Answer(
-        pool, chosen, tuple(candidates), tables, {}, {}, before, before, (), dimming(tables, candidates),
+        pool, chosen, tuple(candidates), tables, {}, {}, before, before, (),
+        1.0 if varying else dimming(tables, candidates), varying=varying,
     )  # fmt: skip
     return _refit(start, evidence, painted, field, options)
 
@@ -325,6 +339,11 @@ def _refit(
     mine = [evidence[i] for i in answer.pool.strokes]
     chosen = answer.chosen
     tables = pool_tables(mine, answer.pool.material, field.model)
+    if answer.varying:
+        varying = refit_varying(tables, answer.varying)
+        chosen = as_candidate(tables, varying, chosen)
+        before, after = means_of(tables, chosen)
+        return replace(answer, chosen=chosen, tables=tables, before=before, after=after, varying=varying)
     if chosen.freed:
         if "glossiness" in chosen.freed:
             pairs = zip(mine, answer.pool.strokes, strict=True)
@@ -357,6 +376,9 @@ def _after_bounce(
     """How the chosen change looks now that its light went round."""
     mine = [evidence[i] for i in answer.pool.strokes]
     chosen = answer.chosen
+    if answer.varying:
+        error = varying_error(pool_tables(mine, answer.pool.material, field.model), answer.varying)
+        return replace(answer, residual_after=error, rounds=(*answer.rounds, error))
     if "glossiness" in chosen.freed:
         mine = [
             _at_shift(e, painted[i].samples, field, chosen.roughness_shift)
@@ -398,12 +420,29 @@ def _changed_surface(
             continue
         rows = scope_rows(a.pool, field, scene, painted)
         s, c = original, a.chosen
+        if a.varying:
+            surface = _varied_surface(surface, original, a, field, rows)
+            continue
         f0 = c.f0_of(s.f0[rows])
         f90 = f0 if a.tables.is_metal and "specular" in c.freed else s.f90[rows]
         surface = surface.with_rows(
             rows, diffuse=c.diffuse_of(s.diffuse[rows]), f0=f0, f90=f90, roughness=c.roughness_of(s.roughness[rows])
         )
     return surface
+
+
+def _varied_surface(
+    surface: Surface, original: Surface, answer: Answer, field: LightField, rows: NDArray
+) -> Surface:
+    """The elements' reflectance with a change that varies on some of them."""
+    assert answer.varying
+    s, e = original, field.elements
+    reflectance = np.concatenate([s.diffuse[rows], s.f0[rows], s.roughness[rows, None]], 1)
+    delta = answer.varying.at(Places(e.position[rows], e.geometric_normal[rows], reflectance))
+    if answer.varying.parameter == "diffuse":
+        return surface.with_rows(rows, diffuse=s.diffuse[rows] + delta)
+    f0 = s.f0[rows] + delta
+    return surface.with_rows(rows, f0=f0, f90=f0 if answer.tables.is_metal else s.f90[rows])
 
 
 def scope_rows(pool: Pool, field: LightField, scene: Scene, painted: list[Painted]) -> NDArray[np.bool_]:

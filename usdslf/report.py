@@ -14,6 +14,7 @@ def lines_of_report(report: Mapping[str, Any]) -> Iterator[str]:
         yield f"  {_changes(style)}; residual {residual}"
     for stroke in report["strokes"]:
         tie = "  (ambiguous)" if stroke.get("ambiguous") else ""
+        tie += "  (varies over the surface; means follow)" if stroke.get("varies") else ""
         yield f"{stroke['path']} on {stroke['surface']}: {stroke['inferred']} of {stroke['material']}{tie}"
         residual = f"{stroke['residual_before']:.3f} -> {stroke['residual_after']:.3f}"
         yield f"  {_changes(stroke)}; residual {residual}"

@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -18,6 +19,7 @@ from numpy.typing import NDArray
 
 import usdslf
 from usdslf.anchors import locate_stroke, painted_faces
+from usdslf.bake_change import bake_change
 from usdslf.color import Color, color_of
 from usdslf.edits import MaterialChange, Reflectance, inferred
 from usdslf.elements import ElementLookup, Elements, refresh_reflectance, sample_elements
@@ -437,16 +439,27 @@ class Session:
     def _with_textures(
         self, changes: list[MaterialChange], look: str | os.PathLike[str], color: Color
     ) -> list[MaterialChange]:
-        """Gives a stylized shot's changes the textures that vary over surfaces, where they can have them."""
-        s = self.stylized
-        if s is None:
-            return changes
-        styles = [style for style in s.styles if style.freed]
-        folder = textures_folder(look)
-        return [
-            with_textures(c, style, s, self.scene, self.elements, folder, color, self.warnings)
-            for c, style in zip(changes, styles, strict=True)
-        ]
+        """Gives changes that vary over surfaces their textures beside the look, where they can have them."""
+        s, folder = self.stylized, textures_folder(look)
+        if s is not None:
+            styles = [style for style in s.styles if style.freed]
+            return [
+                with_textures(c, style, s, self.scene, self.elements, folder, color, self.warnings)
+                for c, style in zip(changes, styles, strict=True)
+            ]
+        answers = [a for a in self.answers if a.chosen.freed]
+        return [self._varied(c, a, folder, color) for c, a in zip(changes, answers, strict=True)]
+
+    def _varied(self, change: MaterialChange, answer: Answer, folder: Path, color: Color) -> MaterialChange:
+        """The change with the texture of an answer that varies."""
+        if answer.varying is None:
+            return change
+        scene, material = self.scene, answer.pool.material
+        shown = np.array([m.path in change.targets for m in scene.meshes])[scene.triangles.mesh]
+        triangles = np.flatnonzero(shown & (scene.triangles.material == material))
+        return replace(
+            change, baked=bake_change(scene, material, triangles, answer.varying, folder, color, self.warnings)
+        )
 
     def _how(self) -> str:
         """How the look came about, for its provenance."""
@@ -526,6 +539,7 @@ class Session:
             "residual_after": answer.residual_after,
             "rounds": list(answer.rounds),
             "ambiguous": answer.is_ambiguous,
+            "varies": answer.varying is not None,
             "alternatives": [
                 {
                     "id": c.id,

@@ -13,13 +13,15 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from usdslf.bake import bake_texture, delta_of_samples, plain_texture
+from usdslf.bake import Delta, bake_texture, plain_texture
 from usdslf.color import Color
 from usdslf.edits import MaterialChange
 from usdslf.elements import Elements
+from usdslf.propagate import Places, places_at
 from usdslf.scene import F64, Input, Scene, Texture
 from usdslf.stylize import MaterialStyle, Stylized
 from usdslf.texel_cover import texel_points
+from usdslf.upsample import upsample
 
 SIZE = (256, 256)  # of a texture for an input that had none: elements are further apart than its texels
 GRID = 128  # texels on a side that tell whether triangles lie upon each other
@@ -36,7 +38,7 @@ def with_textures(
     baked = {}
     for name, value, moved in _inputs(change, stylized.change_at(at)):
         texture = value if isinstance(value, Texture) else None
-        sets = [texture.uv_set] if texture else _common_sets(scene, triangles)
+        sets = [texture.uv_set] if texture else common_sets(scene, triangles)
         if not isinstance(value, Texture | np.ndarray) or not sets or not lies_flat(scene, triangles, sets[0]):
             warnings.append(
                 f"{change.material.path}: its texture coordinates lie upon each other or are missing, so {name} "
@@ -44,13 +46,21 @@ def with_textures(
             )
             continue
         source = value if isinstance(value, Texture) else plain_texture(value, sets[0])
-        delta = delta_of_samples(scene, elements.triangle[at], elements.barycentric[at], moved)
+        delta = _upsampled(scene, elements, at, moved)
         stem = f"{change.material.path.strip('/').replace('/', '_')}_{name}"
         baked[name] = bake_texture(
             scene, source, triangles, delta, folder, stem, size=None if texture else SIZE, color=color,
             warnings=warnings,
         )  # fmt: skip
     return replace(change, baked=baked)
+
+
+def _upsampled(scene: Scene, elements: Elements, at: NDArray, moved: F64) -> Delta:
+    """The change of elements (n,) as a function of all points; `at`: which elements."""
+    reflectance = np.concatenate([elements.diffuse[at], elements.f0[at], elements.roughness[at, None]], 1)
+    known = Places(elements.position[at], elements.geometric_normal[at], reflectance)
+    spacing = float(np.sqrt(np.mean(elements.area[at])))
+    return lambda triangle, barycentric: upsample(places_at(scene, triangle, barycentric), known, moved, spacing)
 
 
 def _inputs(change: MaterialChange, moved: tuple[F64, F64, F64]) -> Iterator[tuple[str, Input, F64]]:
@@ -69,8 +79,8 @@ def _inputs(change: MaterialChange, moved: tuple[F64, F64, F64]) -> Iterator[tup
         yield "roughness", m.roughness, roughness
 
 
-def _common_sets(scene: Scene, triangles: NDArray) -> list[str]:
-    """Texture coordinates that all meshes of the triangles have, `st` first."""
+def common_sets(scene: Scene, triangles: NDArray) -> list[str]:
+    """Returns the texture coordinates that all meshes of the triangles have, `st` first."""
     meshes = [scene.meshes[i] for i in np.unique(scene.triangles.mesh[triangles])]
     common = set.intersection(*(set(m.uvs) for m in meshes)) if meshes else set()
     return sorted(common, key=lambda name: (name != "st", name))
