@@ -21,7 +21,7 @@ from usdslf.evidence import Evidence, Samples, build_evidence, evaluate_columns,
 from usdslf.light_field import LightField, Surface
 from usdslf.light_set import LightSet
 from usdslf.propagate import Places
-from usdslf.reach import dimming, error_of, explains_nothing
+from usdslf.reach import dimming, error_of, explains_nothing, seems_too_bright
 from usdslf.reflectance import gloss_levels
 from usdslf.scene import Scene
 from usdslf.solve import (
@@ -85,7 +85,7 @@ class Answer:
     residual_before: float
     residual_after: float
     rounds: tuple[float, ...]  # residual after each round of bounces
-    reach: float = 1.0  # factor that brings the paint within what the surface can send
+    is_too_bright: bool = False  # so it seems before the light went round
     others: tuple[Alternative, ...] = ()  # of an indirect stroke: explanations by all materials in sight
     note: str = ""  # of an indirect stroke: how well its radiance is met, or why it cannot be
     varying: Varying | None = None  # where the change varies over the surface; `chosen` holds its mean
@@ -158,7 +158,7 @@ def infer_changes(
     if not pools:
         raise SolveError("no stroke lies on a material; paint on a surface of the shot")
     answers = [_first_answer(p, evidence, painted, field, options, choose) for p in pools]
-    factors = _out_of_reach(answers, painted, said)
+    factors = _out_of_reach(answers, painted, field, scene, bounces, said)
     if factors:
         dimmed = [replace(p, wanted=factors.get(i, 1.0) * e.target) for i, (p, e) in enumerate(zip(painted, evidence))]
         painted = [dimmed[i] if i in factors else p for i, p in enumerate(painted)]
@@ -191,18 +191,35 @@ def infer_changes(
             pass
 
 
-def _out_of_reach(answers: list[Answer], painted: list[Painted], said: list[str]) -> dict[int, float]:
-    """Factors of the strokes that are too bright for their surface, said."""
+def _out_of_reach(
+    answers: list[Answer], painted: list[Painted], field: LightField, scene: Scene, bounces: int, said: list[str]
+) -> dict[int, float]:
+    """Factors of the strokes that are too bright even for a white surface and the light that it sends round; said."""
     factors: dict[int, float] = {}
+    original, as_it_was_d = field.surface, None
     for a in answers:
-        if a.pool.is_held or a.reach == 1:
+        if a.pool.is_held or not a.is_too_bright:
             continue
-        factors |= dict.fromkeys(a.pool.strokes, a.reach)
+        as_it_was_d = field.outgoing_d.copy() if as_it_was_d is None else as_it_was_d
+        rows = scope_rows(a.pool, field, scene, painted)
+        one = np.ones(1, np.float32)
+        white = {"f0": one, "f90": one} if a.tables.is_metal else {"diffuse": one}
+        field.set_surface(original.with_rows(rows, **white))
+        for _ in field.converge(bounces):
+            pass
+        mine = [painted[i].evidence(field) for i in a.pool.strokes]
+        factor = dimming(pool_tables(mine, a.pool.material, field.model))
+        if factor == 1:
+            continue
+        factors |= dict.fromkeys(a.pool.strokes, factor)
         names = ", ".join(painted[i].stroke.path for i in a.pool.strokes)
         said.append(
-            f"{names}: painted {1 / a.reach:.1f} times brighter than the surface can be in this light; its hue is "
+            f"{names}: painted {1 / factor:.1f} times brighter than the surface can be in this light; its hue is "
             "kept and its brightness lowered to that"
         )
+    if as_it_was_d is not None:
+        field.set_surface(original)
+        field.outgoing_d = as_it_was_d
     return factors
 
 
@@ -327,7 +344,7 @@ def _first_answer(
     before = relative_error(tables, replace(none, level=tables.own))
     start = Answer(
         pool, chosen, tuple(candidates), tables, {}, {}, before, before, (),
-        1.0 if varying else dimming(tables, candidates), varying=varying,
+        varying is None and seems_too_bright(tables, candidates), varying=varying,
     )  # fmt: skip
     return _refit(start, evidence, painted, field, options)
 

@@ -19,10 +19,17 @@ TOO_BRIGHT = 0.9  # of what was painted is sent at most
 LEAST_GAIN = 0.1  # of the residual that a change has to explain
 
 
-def dimming(t: Tables, candidates: Sequence[Candidate]) -> float:
-    """Returns the factor that brings the paint of a pool within reach; 1 where it is, or nothing would help."""
-    if min(error_of(t, c) for c in candidates) < HOPELESS:
-        return 1.0
+def seems_too_bright(t: Tables, candidates: Sequence[Candidate]) -> bool:
+    """Whether no candidate comes near the paint of a pool, and it is brighter than a white surface in this light."""
+    return min(error_of(t, c) for c in candidates) > HOPELESS and dimming(t) < 1
+
+
+def dimming(t: Tables) -> float:
+    """Returns the factor that brings the paint of a pool within reach of a white surface; 1 where it is.
+
+    Args:
+        t: under the light that the white surface itself sends round, where that matters.
+    """
     brightest = t.p[:, t.own] + ((1 - t.f0) * t.v[:, t.own] if t.is_metal else (1 - t.diffuse) * t.u[:, t.own])
     painted, sent = t.target.mean(0), brightest.mean(0)
     lit = painted > 1e-3 * painted.max()
