@@ -481,3 +481,51 @@ def test_interrupt_leaves_the_earlier_file(shot: Path, tmp_path: Path) -> None:
 def _environment() -> dict[str, str]:
     root = str(Path(__file__).resolve().parents[1])
     return {**os.environ, "PYTHONPATH": root}
+
+
+def test_phong_is_solved_said_and_measured(shot: Path, strokes: Path, tmp_path: Path, run: Run) -> None:
+    look, report = tmp_path / "look.usda", tmp_path / "r.json"
+    code, _, err = run(
+        "solve", shot, strokes, "-o", look, "--report", report, "--model", "phong", "--weights", "1,5,25", *SMALL
+    )
+    assert code == 0, err
+    assert "solved with phong" in err
+    found = json.loads(report.read_text())
+    (stroke,) = found["strokes"]
+    assert found["model"] == "phong" and len(stroke["inferred"].split("+")) == 1
+    assert np.isfinite(stroke["residual_as_preview_surface"])
+    assert f"{stroke['residual_as_preview_surface']:.3f}" in err
+    how = Sdf.Layer.FindOrOpen(str(look)).customLayerData["usdslf"]["solve"]
+    assert how.startswith("phong,") and "factors 1, 5, 25" in how
+    assert run("solve", shot, strokes, "-o", look, "--norm", "l2", "--report", report, *SMALL)[0] == 0
+    found = json.loads(report.read_text())
+    assert found["model"] == "preview_surface" and "residual_as_preview_surface" not in found["strokes"][0]
+    assert found["strokes"][0]["inferred"] == "diffuse+specular+glossiness"
+    how = Sdf.Layer.FindOrOpen(str(look)).customLayerData["usdslf"]["solve"]
+    assert how.startswith("preview_surface,") and how.endswith("norm l2")
+
+
+@pytest.mark.parametrize(
+    ("weights", "said"),
+    [("1,5", "three factors"), ("1,-5,25", "negative"), ("grip=3", "grip"), ("group=x", "group"), ("a,b,c", "a,b,c"),
+     ("dab_error=0", "above zero"), ("1,0,2", "above zero")],
+)  # fmt: skip
+def test_weights_that_weigh_nothing_are_refused(
+    shot: Path, strokes: Path, tmp_path: Path, run: Run, weights: str, said: str
+) -> None:
+    code, _, err = run("solve", shot, strokes, "-o", tmp_path / "l.usda", "--weights", weights, *SMALL)
+    assert code == 2 and said in err and len(err.strip().splitlines()) == 1
+
+
+def test_the_models_render_differently(shot: Path, tmp_path: Path, run: Run) -> None:
+    import OpenImageIO as oiio
+
+    seen = {}
+    for model in ("preview_surface", "phong"):
+        path = tmp_path / f"{model}.exr"
+        code, _, err = run("render", shot, "-o", path, "--size", "48x32", "--model", model, *SMALL)
+        assert code == 0, err
+        seen[model] = oiio.ImageBuf(str(path)).get_pixels(oiio.FLOAT)[..., :3]
+    apart = np.abs(seen["phong"] - seen["preview_surface"]).mean() / seen["preview_surface"].mean()
+    assert 0.005 < apart < 0.5
+    assert run("render", shot, "-o", tmp_path / "a.png", "--model", "ward", *SMALL)[0] == 2

@@ -20,6 +20,7 @@ from usdslf.errors import InputError
 from usdslf.gpu.device import Device
 from usdslf.light_guide import LightGuide
 from usdslf.light_set import LightSet
+from usdslf.reflectance import directional_albedo, lobe_parameter
 from usdslf.render import AOVS, render
 from usdslf.scene import Camera, Light, Material, Scene, Texture, constant
 from usdslf.shading import Lobes, shading_points
@@ -76,7 +77,7 @@ class EvenRadiance:
     """A stand-in for a light field: the same radiance from every surface."""
 
     def __init__(self, radiance: float) -> None:
-        self.radiance = radiance
+        self.radiance, self.model = radiance, "preview_surface"
 
     def radiance_from_hits(self, triangle: NDArray, barycentric: NDArray, direction: NDArray) -> NDArray:
         return np.full((len(triangle), 3), self.radiance, np.float32)
@@ -142,21 +143,24 @@ def test_clipping_planes_cut_what_is_nearer_and_farther(device: Device) -> None:
         np.testing.assert_allclose(aovs["depth"], 5 if seen else np.inf, rtol=1e-5)
 
 
+@pytest.mark.parametrize("model", ["preview_surface", "phong"])
 @pytest.mark.parametrize("roughness", [0.08, 0.3, 1.0])
-def test_drawn_directions_have_the_density_they_claim(device: Device, roughness: float) -> None:
+def test_drawn_directions_have_the_density_they_claim(device: Device, roughness: float, model: str) -> None:
     """The mean of weight / pdf is the integral of the lobes, for every column, by quadrature."""
     material = Material("", diffuse_color=constant(0.4, 0.4, 0.4), roughness=constant(roughness))
     scene = make_scene(ground(), materials=[material])
     n, k, cosine = 64, 64, 0.15  # grazing, where Fresnel's ramp counts
     surface = evaluate_surface(scene, np.zeros(n, np.int32), np.full((n, 2), 0.3, np.float32))
     view = np.tile(np.float32([np.sqrt(1 - cosine**2), cosine, 0]), (n, 1))
-    points = shading_points(surface, view, RayTracer(scene))
-    direction, pdf, _, weight = Lobes(device, unguided(device)).sample(points, np.arange(n, dtype=np.uint32) * k, k, 1)
-    expected = integrate_columns("preview_surface", roughness, np.array([np.sqrt(1 - cosine**2), 0, cosine]))
+    points, lobes = shading_points(surface, view, RayTracer(scene), model=model), Lobes(device, unguided(device), model)
+    direction, pdf, _, weight = lobes.sample(points, np.arange(n, dtype=np.uint32) * k, k, 1)
+    expected = integrate_columns(model, roughness, np.array([np.sqrt(1 - cosine**2), 0, cosine]))
+    if model == "phong":  # X in the place of Y
+        expected = expected[[1, 0, 2, 3]]
     np.testing.assert_allclose(weight.mean((0, 1))[:4], expected, rtol=0.01, atol=2e-4)
     # evaluating the drawn directions gives the same density and weights
     seen = np.flatnonzero(pdf[:, 0] > 0)
-    again, weights = Lobes(device, unguided(device)).evaluate(points, seen, direction[seen, 0])
+    again, weights = lobes.evaluate(points, seen, direction[seen, 0])
     np.testing.assert_allclose(again, pdf[seen, 0], rtol=0.02)
     np.testing.assert_allclose(weights / again[:, None], weight[seen, 0], rtol=0.02, atol=1e-4)
 
@@ -165,6 +169,27 @@ def test_drawn_directions_have_the_density_they_claim(device: Device, roughness:
 
 DIELECTRIC = dict(d=np.array([0.5, 0.3, 0.2]), f0=0.04, f90=1.0)
 METAL = dict(d=np.zeros(3), f0=np.array([0.9, 0.6, 0.3]), f90=np.array([0.9, 0.6, 0.3]))
+
+
+@pytest.mark.parametrize(("d", "f0"), [(0.5, 0.3), (0.7, 0.9)])
+def test_a_ball_of_phong_shows_k_d_and_k_s_of_no_more_than_arrives(device: Device, d: float, f0: float) -> None:
+    material = Material(
+        "", diffuse_color=constant(d, d, d), use_specular_workflow=True, specular_color=constant(f0, f0, f0),
+        roughness=constant(0.4), clearcoat=constant(1.0),
+    )  # fmt: skip
+    scene = make_scene(sphere(1.0, rows=64), materials=[material], lights=[white_dome()])
+    camera = camera_at((0, 1, 5))
+    dark = EvenRadiance(0.0)
+    dark.model = "phong"
+    aovs = picture(scene, camera, device, dark, aovs=("color", "alpha", "position", "normal"), size=(72, 56))
+    to_eye = camera.world_from_camera[:3, 3] - aovs["position"]
+    cosine = (aovs["normal"] * to_eye).sum(-1) / np.linalg.norm(to_eye, axis=-1)
+    inside = (aovs["alpha"][..., 0] > 0.999) & (cosine > 0.35)
+    lobe = directional_albedo("phong", float(lobe_parameter("phong", 0.4)), cosine[inside])[:, 2]
+    expected = d + min(f0, 1 - d) * lobe
+    ratio = aovs["color"][inside].mean(-1) / expected
+    assert abs(ratio.mean() - 1) < 0.005 and ratio.std() < 0.02
+    assert aovs["color"].max() < 1.05
 
 
 @pytest.mark.parametrize("roughness", [0.05, 0.3, 0.8])

@@ -385,3 +385,18 @@ def test_phong_gains_no_energy_and_its_misfit_is_of_what_it_may_reflect(
     assert (both.diffuse_of(tables.diffuse) + both.f0_of(tables.f0)).max() > 1.2
     held = refit(tables, next(c for c in candidates if c.id == "diffuse+specular"))
     assert relative_error(tables, held) > 1.2 * relative_error(free, both)
+
+
+def test_the_papers_factors_decide_how_many_parameters_change(world: World, levels: dict) -> None:
+    """1, 1e9, 1e9: one as with l0; three alike: all of them; Options.of takes factors or costs by name."""
+    look = replace(PLASTIC, diffuse=(0.6, 0.1, 0.1), roughness=0.5)
+    e = painted(world, levels, PLASTIC, look)
+    number = {
+        factors: len(solved(e, Options.of(factors))[1].freed)
+        for factors in ((1.0, 1e9, 1e9), (1.0, 5.0, 25.0), (1.0, 1e-9, 1e-18))
+    }
+    assert list(number.values()) == [1, 2, 3]
+    dear, cheap = Options.of({"group": 1e6}), Options.of({"group": 0.0, "freedom": 0.0})
+    assert len(solved(e, dear)[1].freed) == 1 and len(solved(e, cheap)[1].freed) >= 2
+    assert Options().in_words() == "" and Options.of({"group": 8}).in_words() == "group 8"
+    assert Options.of((1, 5, 25)).in_words() == "factors 1, 5, 25"

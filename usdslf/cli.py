@@ -19,7 +19,8 @@ import numpy as np
 
 import usdslf
 from usdslf.errors import AuthorError, InputError, UsdslfError
-from usdslf.options import Choose, Color3, Offset, Path2D, Size
+from usdslf.options import Choose, Color3, Offset, Path2D, Size, Weights
+from usdslf.reflectance import MODELS
 from usdslf.strokes import MODES, NORMS, SCOPES, SPACES, TOOLS
 from usdslf.terminal import progress, warn
 
@@ -108,6 +109,14 @@ def _frame_options(command: Any) -> Any:
     )(command)
 
 
+def _model_option(command: Any) -> Any:
+    """Adds --model."""
+    return click.option(
+        "--model", type=click.Choice(MODELS), default=MODELS[0], show_default=True,
+        help="How surfaces reflect: as UsdPreviewSurface, or the Phong of the paper, to be compared with it.",
+    )(command)  # fmt: skip
+
+
 def _finite(context: click.Context, option: click.Parameter, value: float | None) -> float | None:
     if value is not None and not math.isfinite(value):
         raise click.BadParameter(f"{value} is no finite number", context, option)
@@ -152,11 +161,12 @@ def info(options: Settings, stage: str, frame: float | None, refine: int, as_jso
 @click.option("--samples", type=click.IntRange(1, 4096), default=16, show_default=True, help="Rays a pixel.")
 @click.option("--elements", type=int, default=10000, show_default=True, help="Surface elements.")
 @click.option("--bounces", type=int, default=8, show_default=True, help="Most bounces of light.")
+@_model_option
 @_frame_options
 @settings
 def render(
     options: Settings, stage: str, output: str, camera: str | None, size: tuple[int, int] | None, edits: str | None,
-    aovs: tuple[str, ...], samples: int, elements: int, bounces: int, frame: float | None, refine: int,
+    aovs: tuple[str, ...], samples: int, elements: int, bounces: int, model: str, frame: float | None, refine: int,
 ) -> None:  # fmt: skip
     """A picture of direct and indirect light."""
     from usdslf.camera_rays import film_size
@@ -166,7 +176,7 @@ def render(
     check_picture(output, aovs)
     with progress(options.quiet) as say:
         shot = open_edited(stage, edits) if edits else stage
-        session = _open(options, shot, frame, say, refine=refine, elements=elements, bounces=bounces)
+        session = _open(options, shot, frame, say, refine=refine, elements=elements, bounces=bounces, model=model)
         view = session.camera(camera)
         pictures = session.render(view, size or film_size(view), aovs, samples=samples)
     write_picture(output, pictures, session.scene, aovs)
@@ -245,36 +255,42 @@ def stroke(
 @click.option("--directions", type=int, default=1024, show_default=True, help="Of each element; 1024.")
 @click.option("--bounces", type=int, default=8, show_default=True, help="Most bounces of light.")
 @click.option("--norm", type=click.Choice(NORMS), help="For all strokes; default: each stroke's own.")
+@click.option("--weights", type=Weights(), help="Of the norm mixed: three factors of the misfit for one, two and three "
+              "freed parameters, 1,5,25 in the paper; or costs by name, e.g. group=8,freedom=2.")
 @click.option("--choose", type=Choose(), multiple=True, help="Take an alternative of the report.")
 @click.option("--mode", type=click.Choice(("override", "new", "class")), default=None,
               help="override: all that show the material; new: a material for what was painted only; class: all "
               "instances, by their asset's class.  Default: as each stroke's scope says.")
 @click.option("--make-preview", is_flag=True, help="Give surfaces without UsdPreviewSurface one, to edit them.")
+@_model_option
 @_frame_options
 @settings
 def solve(
     options: Settings, stage: str, strokes: str, output: str, report: str | None, review_root: str | None,
     elements: int, directions: int, bounces: int, norm: str | None, choose: tuple[tuple[str, str], ...],
-    mode: str | None, make_preview: bool, frame: float | None, refine: int,
+    weights: Any, mode: str | None, make_preview: bool, model: str, frame: float | None, refine: int,
 ) -> None:  # fmt: skip
     """Find the smallest material change that explains the strokes, and write it as a look layer."""
     from usdslf.outputs import check_place, write_json
     from usdslf.report import lines_of_report
+    from usdslf.solve import Options
     from usdslf.usd.stroke_layer import read_strokes
 
     if directions != 1024:
         raise click.UsageError(f"--directions {directions} is not possible; the kernels have 1024")
+    weighed = Options.of(weights) if weights is not None else None
     for place in filter(None, (output, review_root)):
         check_place(place, AuthorError)
     if report:
         check_place(report)
     with progress(options.quiet) as say:
         session = _open(
-            options, stage, frame, say, refine=refine, elements=elements, bounces=bounces, make_preview=make_preview
-        )
+            options, stage, frame, say, refine=refine, elements=elements, bounces=bounces, model=model,
+            make_preview=make_preview,
+        )  # fmt: skip
         for each in read_strokes(strokes, session.warnings):
             session.add_stroke(each)
-        session.solve(norm, dict(choose))
+        session.solve(norm, dict(choose), weighed)
         session.author(output, strokes_path=strokes, review_root=review_root, mode=mode or "")
     found = session.report()
     if report:
@@ -297,11 +313,13 @@ def solve(
 @click.option("--elements", type=int, default=10000, show_default=True, help="Surface elements.")
 @click.option("--bounces", type=int, default=8, show_default=True, help="Most bounces of light.")
 @click.option("--make-preview", is_flag=True, help="Give surfaces without UsdPreviewSurface one, to edit them.")
+@_model_option
 @_frame_options
 @settings
 def stylize(
     options: Settings, stage: str, output: str, amount: float, radius: float, norm: str, report: str | None,
-    review_root: str | None, elements: int, bounces: int, make_preview: bool, frame: float | None, refine: int,
+    review_root: str | None, elements: int, bounces: int, make_preview: bool, model: str, frame: float | None,
+    refine: int,
 ) -> None:  # fmt: skip
     """Sharpen the look of the whole shot: unsharp masking of its light, as valid materials."""
     from usdslf.outputs import check_place, write_json
@@ -315,8 +333,9 @@ def stylize(
         check_place(report)
     with progress(options.quiet) as say:
         session = _open(
-            options, stage, frame, say, refine=refine, elements=elements, bounces=bounces, make_preview=make_preview
-        )
+            options, stage, frame, say, refine=refine, elements=elements, bounces=bounces, model=model,
+            make_preview=make_preview,
+        )  # fmt: skip
         session.stylize(amount, radius, norm)
         session.author(output, review_root=review_root)
     found = session.report()

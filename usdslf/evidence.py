@@ -320,24 +320,32 @@ def arriving_light(samples: Samples, field: LightField, specular: bool = False) 
     return light
 
 
-def evaluate_columns(samples: Samples, field: LightField, levels: NDArray) -> NDArray[np.float64]:
-    """Returns X, Y, A, B (S, J, 4, 3) of every sample at roughness `levels` (S, J), mirrors a little blurred."""
+def evaluate_columns(
+    samples: Samples, field: LightField, levels: NDArray, model: str | None = None
+) -> NDArray[np.float64]:
+    """Returns X, Y, A, B (S, J, 4, 3) of every sample at roughness `levels` (S, J), mirrors a little blurred.
+
+    Args:
+        model: reflects the light that arrives; default: the light field's.
+    """
     levels = np.maximum(levels, SHARPEST)
     rows = np.arange(len(samples.eye))
-    found = _columns(field, samples.eye, rows, samples.towards_d, arriving_light(samples, field), levels)
+    found = _columns(field, samples.eye, rows, samples.towards_d, arriving_light(samples, field), levels, model)
     if samples.fixed_specular is not None:
         light = arriving_light(samples, field, specular=True)
-        found[:, :, 2:] = _columns(field, samples.eye, rows, samples.towards_d, light, levels)[:, :, 2:]
+        found[:, :, 2:] = _columns(field, samples.eye, rows, samples.towards_d, light, levels, model)[:, :, 2:]
     return found
 
 
 def _columns(
-    field: LightField, eye: NDArray, light_row: NDArray, towards_d: Any, light: NDArray, levels: NDArray
-) -> NDArray[np.float64]:
+    field: LightField, eye: NDArray, light_row: NDArray, towards_d: Any, light: NDArray, levels: NDArray,
+    model: str | None = None,
+) -> NDArray[np.float64]:  # fmt: skip
     device, (s, j) = field.device, levels.shape
     out_d = device.empty((s, j, 4, 3), np.float32)
-    parameters = lobe_parameter(field.model, levels).astype(np.float32)
-    kernel = device.kernel("evidence", "columns", LOBES=len(LOBE_ROUGHNESS), PHONG=int(field.model == "phong"))
+    model = model or field.model
+    parameters = lobe_parameter(model, levels).astype(np.float32)
+    kernel = device.kernel("evidence", "columns", LOBES=len(LOBE_ROUGHNESS), PHONG=int(model == "phong"))
     kernel(
         (j, s), None, device.upload(eye.astype(np.float32)), device.upload(light_row.astype(np.int32)), towards_d,
         device.upload(_by_sixteen(light)), device.upload(parameters), np.uint32(-(-light.shape[1] // 16)),

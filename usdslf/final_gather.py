@@ -90,7 +90,8 @@ class Gatherer:
         guiding = cast(GuidingField, light_field) if wide and np.isfinite(footprint) else None
         self._wide_field = wide
         self.guide = LightGuide(device, guiding, wide.mean_d if wide else None, lights)
-        self._lobes = Lobes(device, self.guide)
+        self.model = str(getattr(light_field, "model", "preview_surface"))
+        self._lobes = Lobes(device, self.guide, self.model)
 
     # ── the first surface ────────────────────────────────────────────────────────────────────────
 
@@ -321,7 +322,7 @@ class Gatherer:
                 wide = least_pdf[rows[at]] < SHARP_PDF
                 rougher = np.maximum(surface.roughness, CAUSTIC_ROUGHNESS)
                 surface = replace(surface, roughness=np.where(wide, rougher, surface.roughness))
-            q = shading_points(surface, -d[at], self.tracer)
+            q = shading_points(surface, -d[at], self.tracer, model=self.model)
             out = self._outgoing(q, index[rows[at]], depth, least_pdf[rows[at]], seed)
             # a ray is stopped here with the probability `opacity`; what is reflected is not scaled by that
             bounced[rows[at]] = out * (surface.presence / np.maximum(surface.opacity, 0.05))[:, None]

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdslf.errors import SolveError, StrokeError
-from usdslf.evidence import Evidence, Samples, build_evidence, evaluate_columns, gather_samples
+from usdslf.evidence import Evidence, Samples, build_evidence, evaluate_columns, gather_samples, mean_by
 from usdslf.light_field import LightField, Surface
 from usdslf.light_set import LightSet
 from usdslf.propagate import Places
@@ -28,6 +28,7 @@ from usdslf.solve import (
     Candidate,
     Options,
     Tables,
+    bilinear,
     enumerate_candidates,
     hold_energy,
     pool_tables,
@@ -414,6 +415,29 @@ def _at_shift(e: Evidence, samples: Samples, field: LightField, shift: float) ->
     levels = np.stack([np.clip(own + shift, 0.001, 1), own], 1)
     pad = np.repeat(e.background[:, -1:], 2, 1)
     return replace(e, levels=levels, columns=evaluate_columns(samples, field, levels), background=pad)
+
+
+def residual_as_preview(answer: Answer, painted: list[Painted], field: LightField) -> float:
+    """Returns the residual of an answer by phong where UsdPreviewSurface reflects the same light with its parameters.
+
+    That is what a look layer holds: d = k_d, F0 = k_s, and the roughness whose GGX lobe is as wide.
+    """
+    t, c = answer.tables, answer.chosen
+    seen = []
+    for i in answer.pool.strokes:
+        p = painted[i]
+        s, own = p.samples.surface, p.samples.surface.roughness.astype(np.float64)
+        shifted = c.roughness_of(own) if c.freed else own
+        columns = evaluate_columns(p.samples, field, shifted[:, None], "preview_surface")
+        d, f0, f90 = (x.astype(np.float64) for x in (s.diffuse, s.f0, s.f90))
+        new = c.f0_of(f0)
+        f90 = np.where(np.abs(f90 - f0).max(1, keepdims=True) < 2e-3, new, f90)
+        radiance = bilinear(columns, c.diffuse_of(d), new, f90, False, "preview_surface")[0][:, 0] + s.emission
+        count = int(p.samples.dab.max()) + 1
+        material = np.array([s.material[p.samples.dab == k][0] for k in range(count)])
+        here = np.flatnonzero(material == answer.pool.material)
+        seen.append(mean_by(radiance, p.samples.dab)[here[here < len(p.rows)]])
+    return float(np.sqrt(np.mean(((np.concatenate(seen) - t.target) / t.scale) ** 2)))
 
 
 def means_of(t: Tables, c: Candidate) -> tuple[dict[str, NDArray], dict[str, NDArray]]:

@@ -87,6 +87,30 @@ class Choose(click.ParamType):
         return stroke.rsplit("/", 1)[-1], choice
 
 
+class Weights(click.ParamType):
+    """A,B,C or NAME=X,NAME=X: what a choice weighs by."""
+
+    name = "A,B,C | NAME=X,..."
+
+    def convert(self, value: Any, param: Param, ctx: Context) -> tuple[float, ...] | dict[str, float]:
+        """Returns factors, or weights by name."""
+        if isinstance(value, tuple | dict):
+            return value
+        if "=" not in str(value):
+            found = numbers(str(value))
+            if found is None:
+                self.fail(f"'{value}' is no list of weights; write it like 1,5,25 or group=8,freedom=2", param, ctx)
+            return tuple(found)
+        weights = {}
+        for part in str(value).split(","):
+            key, _, text = part.partition("=")
+            one = numbers(text)
+            if not key.strip() or one is None or len(one) != 1:
+                self.fail(f"'{part}' is no weight; write it like group=8", param, ctx)
+            weights[key.strip()] = one[0]
+        return weights
+
+
 def numbers(text: str) -> list[float] | None:
     """Returns the finite numbers of "a,b,...", None where it is something else."""
     try:

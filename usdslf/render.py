@@ -230,7 +230,7 @@ class _View:
         if not len(at):
             return None
         surface = evaluate_surface(self.scene, met.triangle[at], met.barycentric[at])
-        points = shading_points(surface, -d[at], self.tracer, self.gatherer.guide)
+        points = shading_points(surface, -d[at], self.tracer, self.gatherer.guide, self.gatherer.model)
         return _Seen(rows[at], surface, points, distance[at])
 
     def _add_layer(

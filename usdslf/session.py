@@ -25,12 +25,13 @@ from usdslf.edits import MaterialChange, Reflectance, inferred
 from usdslf.elements import ElementLookup, Elements, refresh_reflectance, sample_elements
 from usdslf.errors import InputError, SolveError, StageError
 from usdslf.gpu.device import Device, open_device
-from usdslf.infer import Answer, gather_strokes, infer_changes
+from usdslf.infer import Answer, gather_strokes, infer_changes, residual_as_preview
 from usdslf.infer_indirect import infer_indirect
 from usdslf.light_field import LightField, require_memory
 from usdslf.light_set import LightSet, lights_or_default
 from usdslf.lights import static_light
 from usdslf.overview import overview_camera
+from usdslf.reflectance import MODELS
 from usdslf.render import render
 from usdslf.scene import Camera, Light, Scene
 from usdslf.solve import Options
@@ -84,7 +85,7 @@ class Session:
             elements: how many surface elements carry the light field.
             bounces: most bounces of the light field.
             refine: levels of subdivision.
-            model: reflectance model.
+            model: preview_surface, or phong, the paper's, which shows and solves the same inputs otherwise.
             make_preview: surfaces without UsdPreviewSurface get one that shows the same, so that they can be edited.
 
         Raises: StageError where the stage cannot be opened.
@@ -93,6 +94,8 @@ class Session:
             raise InputError(f"--elements {elements} is not in 1 .. {(1 << 22) - 1}")
         if bounces < 1:
             raise InputError(f"--bounces {bounces} is less than 1")
+        if model not in MODELS:
+            raise InputError(f"unknown reflectance model '{model}'; choose one of {', '.join(MODELS)}")
         self.shot = open_stage(stage) if isinstance(stage, (str, os.PathLike)) else stage
         self.made = make_preview_materials(self.shot) if make_preview else None
         self.stage = compose_over(self.shot, self.made.layer) if self.made else self.shot
@@ -105,6 +108,8 @@ class Session:
         self.strokes: list[Stroke] = []
         self.answers: list[Answer] = []
         self.stylized: Stylized | None = None
+        self._solved_with = ""  # norm and weights, where they are not the default
+        self._as_preview: list[float | None] = []  # residual of each answer by phong, as UsdPreviewSurface shows it
         self.edits: list[AuthoredEdit] = []
 
     # ── steps ──────────────────────────────────────────────────────────────────────────────────
@@ -221,6 +226,7 @@ class Session:
         Args:
             norm: l2 | l0 | mixed for all strokes; None: each stroke's own.
             choose: stroke name -> id of an alternative.
+            options: weights of the choice, `Options.of((1, 5, 25))` or `Options.of({"group": 8})`.
 
         Raises: StrokeError, SolveError.
         """
@@ -233,6 +239,8 @@ class Session:
         field, original = self.light_field, self.light_field.surface
         as_it_was_d = field.outgoing_d.copy()
         lights = self.light_set
+        said = [f"norm {norm}" if norm else "", options.in_words() if options else ""]
+        self._solved_with, self._as_preview = ", ".join(filter(None, said)), []
         try:
             with self._step("evidence"):
                 painted = gather_strokes(active, self.scene, self.tracer, field, lights, self.warnings)
@@ -245,6 +253,8 @@ class Session:
                     for number, direct in enumerate(rounds):  # noqa: B007
                         self._say("solve", (number + 1) / 4)
                 self.answers = direct
+                if self.model == "phong":
+                    self._as_preview = [residual_as_preview(a, painted, field) for a in direct]
                 if any(p.stroke.mode == "indirect" for p in painted):
                     self.answers = direct + infer_indirect(
                         painted, self.scene, field, options, self.bounces, self.warnings, dict(choose or {}), direct
@@ -424,6 +434,8 @@ class Session:
             "device": self.device.name,
             "solve": self._how(),
         }
+        if self.model == "phong":
+            self._warn_of_phong()
         with self._step("author"):
             self.edits = author_look(
                 self.shot, self._with_textures(self.changes(mode), path, color), path, provenance, strokes_path,
@@ -435,6 +447,19 @@ class Session:
             if not edit.wins:
                 self.warn(f"{edit.prim}.{edit.attribute} is hidden by {edit.hidden_by}: {edit.mend}")
         return self.edits
+
+    def _warn_of_phong(self) -> None:
+        """Says what a look holds that was solved with phong, and how far off it is where that was measured."""
+        off = [
+            f"{a.residual_after:.3f} becomes {x:.3f}"
+            for a, x in zip(self.answers, self._as_preview)
+            if x is not None and a.chosen.freed
+        ]
+        measured = f"; the residual of {', '.join(off)}" if off else ""
+        self.warn(
+            "solved with phong: the look holds its k_d, k_s and width of lobe as diffuse, specular and roughness of "
+            f"UsdPreviewSurface, which reflects otherwise, more so at grazing angles{measured}"
+        )
 
     def _with_textures(
         self, changes: list[MaterialChange], look: str | os.PathLike[str], color: Color
@@ -464,6 +489,7 @@ class Session:
     def _how(self) -> str:
         """How the look came about, for its provenance."""
         how = f"{self.model}, {len(self.elements)} elements, 1024 directions, {self.bounces} bounces"
+        how += f", {self._solved_with}" if self._solved_with else ""
         s = self.stylized
         return how if s is None else f"stylized by {s.amount:g} within {s.radius:g} of the diagonal; {how}"
 
@@ -483,6 +509,7 @@ class Session:
             "device": self.device.name,
             "elements": len(self.elements),
             "directions": 1024,
+            "model": self.model,
             **({} if self.stylized is None else self._style_report(self.stylized)),
             "strokes": [self._stroke_report(s, *of_stroke[i]) for i, s in enumerate(active) if i in of_stroke],
             "edits": [
@@ -524,6 +551,11 @@ class Session:
             ],
         }
 
+    def _preview_report(self, answer: Answer) -> dict[str, float]:
+        """Of an answer by phong: its residual where UsdPreviewSurface shows it."""
+        known = [x for a, x in zip(self.answers, self._as_preview) if a is answer]
+        return {"residual_as_preview_surface": known[0]} if known and known[0] is not None else {}
+
     def _stroke_report(self, stroke: Stroke, answer: Answer, *more: Answer) -> dict[str, Any]:
         """The first answer is the stroke's own; an indirect one may change further materials."""
         material = self.scene.materials[answer.pool.material]
@@ -538,6 +570,7 @@ class Session:
             "residual_before": answer.residual_before,
             "residual_after": answer.residual_after,
             "rounds": list(answer.rounds),
+            **self._preview_report(answer),
             "ambiguous": answer.is_ambiguous,
             "varies": answer.varying is not None,
             "alternatives": [

@@ -1,11 +1,13 @@
 """Points as their viewer sees them, the light columns they gather, and the kernels that draw from their lobes.
 
 L_o = d [(1 - F0) X + (1 - F90) Y] + F0 A + F90 B + coat      (columns of usdslf/reflectance.py)
+
+phong, L_o = k_d X + k_s A, takes the same form with X in the place of Y, F90 = 0 and no coat.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -46,13 +48,18 @@ class ShadingPoints:
 
 
 def shading_points(
-    surface: SurfacePoints, view: F32, tracer: RayTracer, guide: LightGuide | None = None
-) -> ShadingPoints:
+    surface: SurfacePoints, view: F32, tracer: RayTracer, guide: LightGuide | None = None,
+    model: str = "preview_surface",
+) -> ShadingPoints:  # fmt: skip
     """Turns surface points to their viewer.
 
     A shading normal that points away from the viewer is bent until it is seen just so, and the chance of each lobe
     is set by what it reflects.
     """
+    if model == "phong":
+        k_d = np.minimum(surface.diffuse, 1)
+        k_s = np.minimum(surface.f0, 1 - k_d)
+        surface = replace(surface, diffuse=k_d, f0=k_s, f90=0 * k_s, clearcoat=0 * surface.clearcoat)
     side = np.where(dot(surface.geometric_normal, view) < 0, np.float32(-1), np.float32(1))[:, None]
     geometric, normal = surface.geometric_normal * side, surface.normal * side
     facing = dot(normal, view)
@@ -98,11 +105,11 @@ def reflect(colors: F32, columns: F32) -> F32:
 class Lobes:
     """The lobes of surfaces on the device: directions drawn from them, and the weights of directions."""
 
-    def __init__(self, device: Device, guide: LightGuide) -> None:
+    def __init__(self, device: Device, guide: LightGuide, model: str = "preview_surface") -> None:
         self._device, self._guide = device, guide
         self._sequence = device.kernel("render", "sequence_points")
-        self._sample = device.kernel("render", "sample_lobes")
-        self._evaluate = device.kernel("render", "evaluate_lobes")
+        self._sample = device.kernel("render", "sample_lobes", PHONG=int(model == "phong"))
+        self._evaluate = device.kernel("render", "evaluate_lobes", PHONG=int(model == "phong"))
 
     def sequence(self, index: NDArray[np.uint32], seed: int) -> F32:
         """Returns points (n, 2) of the unit square."""

@@ -14,17 +14,21 @@ Source: Nguyen et al. 2013, 5.3 (Eqs. 3 to 6), pooled over the stroke; Schwarz 1
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from usdslf.errors import InputError
 from usdslf.evidence import Evidence, mean_by
 
 F64 = NDArray[np.float64]
 GROUPS = ("diffuse", "specular", "glossiness")
 TRUST = (0.5, 0.25, 0.15, 0.1, 0.07, 0.05)  # relative error of a dab at which it has half its weight, round by round
 COLOR_GAIN = 4.0  # misfit for which a grey metal becomes coloured
+POSITIVE = ("dab_error", "drift_length", "tail", "outlier", "visible")  # weights that are divided by
 ROUNDS = 4  # of Gauss and Newton, for the bilinear candidates
 
 
@@ -47,6 +51,35 @@ class Options:
     place: float = 0.15  # per dab, for the change being where the stroke is
     nothing: float = 5.0  # cost of no change where what was painted is not there yet
     visible: float = 0.05  # relative change that is seen
+    factors: tuple[float, float, float] | None = None  # of the misfit by freed parameters, in place of all costs
+
+    @staticmethod
+    def of(weights: Mapping[str, float] | tuple[float, ...]) -> Options:
+        """Returns options with other weights: three factors as in the paper (1, 5, 25), or costs by their names.
+
+        Raises: InputError for a weight that is unknown or not finite and positive, or another number of factors.
+        """
+        values = weights.values() if isinstance(weights, Mapping) else weights
+        if not all(math.isfinite(v) and v >= 0 for v in values):
+            raise InputError(f"weights {', '.join(f'{v:g}' for v in values)}: each must be finite and not negative")
+        if isinstance(weights, Mapping):
+            known = [f.name for f in fields(Options) if f.name not in ("norm", "factors")]
+            unknown = [name for name in weights if name not in known]
+            if unknown:
+                raise InputError(f"there is no weight '{unknown[0]}'; choose from {', '.join(known)}")
+            if any(v == 0 for k, v in weights.items() if k in POSITIVE):
+                raise InputError(f"the weights {', '.join(POSITIVE)} must be above zero")
+            return replace(Options(), **weights)  # type: ignore[arg-type]
+        if len(weights) != 3 or min(weights) <= 0:
+            raise InputError("give three factors above zero, for one, two and three freed parameters, say 1,5,25")
+        return replace(Options(), factors=(weights[0], weights[1], weights[2]))
+
+    def in_words(self) -> str:
+        """Returns what differs from the default, for provenance; "" where nothing does."""
+        if self.factors is not None:
+            return "factors " + ", ".join(f"{v:g}" for v in self.factors)
+        other = {f.name: getattr(self, f.name) for f in fields(self) if getattr(self, f.name) != f.default}
+        return ", ".join(f"{k} {v if isinstance(v, str) else format(v, 'g')}" for k, v in other.items())
 
 
 @dataclass(frozen=True)
@@ -280,6 +313,8 @@ def score(t: Tables, o: Options, c: Candidate) -> float:
     """Cost of a candidate: misfit, unpainted directions, freedoms, and how odd it is for the kind of surface."""
     n = len(t.target)
     cost = n * o.tail * np.log1p(c.misfit / (n * o.tail)) + o.background * n * min(background_misfit(t, c), 1.5)
+    if o.norm == "mixed" and o.factors is not None:  # Eq. 4 with the paper's weights, pooled
+        return float((c.misfit + o.background * n * background_misfit(t, c)) * o.factors[max(len(c.freed), 1) - 1])
     cost -= o.place * place_gain(t, o, c)
     if o.norm == "l0" and len(c.freed) > 1:
         return float(cost + 1e6)
