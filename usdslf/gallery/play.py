@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from usdslf.solve import Options
 
 SIZE = (448, 252)
-SAMPLES = 12
+SAMPLES = 16
 
 
 class Play:
