@@ -27,6 +27,7 @@ from usdslf.evidence import Evidence, mean_by
 F64 = NDArray[np.float64]
 GROUPS = ("diffuse", "specular", "glossiness")
 TRUST = (0.5, 0.25, 0.15, 0.1, 0.07, 0.05)  # relative error of a dab at which it has half its weight, round by round
+FEWEST_HEARD = 4  # dabs; fewer count as many
 COLOR_GAIN = 4.0  # misfit for which a grey metal becomes coloured
 POSITIVE = ("dab_error", "drift_length", "tail", "outlier", "visible")  # weights that are divided by
 ROUNDS = 4  # of Gauss and Newton, for the bilinear candidates
@@ -312,7 +313,8 @@ def fit(
 def score(t: Tables, o: Options, c: Candidate) -> float:
     """Cost of a candidate: misfit, unpainted directions, freedoms, and how odd it is for the kind of surface."""
     n = len(t.target)
-    cost = n * o.tail * np.log1p(c.misfit / (n * o.tail)) + o.background * n * min(background_misfit(t, c), 1.5)
+    heard = max(n, FEWEST_HEARD)  # a dab alone is meant as much as a few
+    cost = heard * o.tail * np.log1p(c.misfit / (n * o.tail)) + o.background * n * min(background_misfit(t, c), 1.5)
     if o.norm == "mixed" and o.factors is not None:  # Eq. 4 with the paper's weights, pooled
         return float((c.misfit + o.background * n * background_misfit(t, c)) * o.factors[max(len(c.freed), 1) - 1])
     cost -= o.place * place_gain(t, o, c)

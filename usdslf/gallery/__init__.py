@@ -18,6 +18,7 @@ from usdslf.gallery import (
     still_life,
     stylize,
     toys,
+    white_dab,
     window_light,
 )
 from usdslf.gallery.records import Entry
@@ -25,6 +26,7 @@ from usdslf.gallery.records import Entry
 ENTRIES: tuple[Entry, ...] = (
     still_life.ENTRY,
     toys.ENTRY,
+    white_dab.ENTRY,
     indirect_room.MIRROR,
     blue_wall.ENTRY,
     shadow_diffuse.ENTRY,
