@@ -77,6 +77,7 @@ def _lines(page: Page) -> Iterator[str]:
             measured = f" ({s.measured})" if s.measured else ""
             yield f"  {s.sentence}: {'shown' if s.is_true else 'NOT SHOWN'}{measured}"
         last = page.play.steps[-1].folder if page.play.steps else page.play.folder
-        yield f"  {page.play.seconds:.1f} s; open {last / 'review.usda'} in any USD program"
+        if page.play.steps:
+            yield f"  {page.play.seconds:.1f} s; open {last / 'review.usda'} in any USD program"
     if page.error:
         yield f"  failed: {page.error}"

@@ -12,6 +12,7 @@ from __future__ import annotations
 from usdslf.gallery import (
     blue_wall,
     caustic,
+    fitting,
     indirect_room,
     shadow_diffuse,
     sketch_specular,
@@ -19,6 +20,7 @@ from usdslf.gallery import (
     stylize,
     toys,
     white_dab,
+    white_room,
     window_light,
 )
 from usdslf.gallery.records import Entry
@@ -29,7 +31,10 @@ ENTRIES: tuple[Entry, ...] = (
     white_dab.ENTRY,
     indirect_room.MIRROR,
     blue_wall.ENTRY,
+    fitting.FITTING,
+    fitting.SPARSE,
     shadow_diffuse.ENTRY,
+    white_room.ENTRY,
     sketch_specular.ENTRY,
     indirect_room.DULL,
     indirect_room.GLOSSY,

@@ -177,6 +177,11 @@ class Play:
         write_image(self.folder / f"{name}.png", np.asarray(pixels, np.float32))
         self.extras.append(Picture(f"{name}.png", caption))
 
+    def look_at(self, session: Session, name: str, caption: str, view: int = 0) -> None:
+        """Renders what a session's view shows for the page."""
+        write_picture(self.folder / f"{name}.png", self.see(session, view), session.scene)
+        self.extras.append(Picture(f"{name}.png", caption))
+
     def drawing(self, name: str, svg: str, caption: str) -> None:
         """Writes a drawing for the page."""
         (self.folder / f"{name}.svg").write_text(svg, encoding="utf-8")
