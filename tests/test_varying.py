@@ -7,12 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from pxr import Gf, Usd, UsdLux
+from pxr import Gf, Usd, UsdGeom, UsdLux, UsdShade, Vt
 from reference import evidence as ref
 from reference.solve import radiance
 from stage_parts import StageBuilder, rectangle
 
 import usdslf
+from usdslf.nearest import nearest_on_triangles
 from usdslf.session import Session
 from usdslf.strokes import Stroke
 from usdslf.surface import evaluate_surface
@@ -23,13 +24,16 @@ ROUGHNESS, F0 = 0.6, 0.04
 LEFT, RIGHT = np.array([0.7, 0.12, 0.08]), np.array([0.08, 0.15, 0.6])
 
 
-def write_floor(folder: Path) -> Path:
-    """A grey floor of 2 x 2 with texture coordinates under a rect light that shines down."""
+def write_floor(folder: Path, points_on_a_side: int = 0) -> Path:
+    """A grey floor of 2 x 2 under a rect light that shines down: with texture coordinates, or points without."""
     b = StageBuilder(folder)
     look = b.material(
         "floor", useSpecularWorkflow=1.0, diffuseColor=(0.4, 0.4, 0.4), specularColor=(F0,) * 3, roughness=ROUGHNESS
     )
-    b.mesh("floor", rectangle((-1, 0, 1), (2, 0, 0), (0, 0, -2)), look)
+    if points_on_a_side:
+        grid(b.stage, points_on_a_side, look)
+    else:
+        b.mesh("floor", rectangle((-1, 0, 1), (2, 0, 0), (0, 0, -2)), look)
     light = UsdLux.RectLight.Define(b.stage, "/World/lamp")
     light.CreateWidthAttr(SIZE[0])
     light.CreateHeightAttr(SIZE[1])
@@ -39,6 +43,21 @@ def write_floor(folder: Path) -> Path:
     light.AddRotateXOp().Set(-90.0)
     b.camera(tuple(EYE), (0, 0, 0))
     return b.save()
+
+
+def grid(stage: Usd.Stage, n: int, look: str) -> None:
+    """The floor as n x n points, turned and moved by its transform."""
+    mesh = UsdGeom.Mesh.Define(stage, "/World/floor")
+    u, v = (x.ravel() for x in np.meshgrid(np.linspace(-1, 1, n), np.linspace(-1, 1, n)))
+    mesh.CreatePointsAttr(Vt.Vec3fArray.FromNumpy(np.float32(np.stack([u, v - 3, 0 * u], 1))))
+    i = (np.arange(n - 1)[:, None] * n + np.arange(n - 1)).ravel()
+    mesh.CreateFaceVertexIndicesAttr(Vt.IntArray.FromNumpy(np.int32(np.stack([i, i + 1, i + n + 1, i + n], 1)).ravel()))
+    mesh.CreateFaceVertexCountsAttr(Vt.IntArray(len(i), 4))
+    mesh.CreateSubdivisionSchemeAttr("none")
+    mesh.AddRotateXOp().Set(-90.0)
+    mesh.AddTranslateOp().Set(Gf.Vec3d(0, 3, 0))
+    material = UsdShade.Material(stage.GetPrimAtPath(look))
+    UsdShade.MaterialBindingAPI.Apply(mesh.GetPrim()).Bind(material)
 
 
 def seen(points: np.ndarray, diffuse: np.ndarray) -> np.ndarray:
@@ -114,6 +133,22 @@ def test_a_gradient_varies_and_its_texture_reads_back_as_painted(session: Sessio
     before = [f.read_bytes() for f in [look, *files]]
     session.author(look)
     assert [f.read_bytes() for f in [look, *sorted((tmp_path / "look.textures").iterdir())]] == before
+
+
+def test_without_texture_coordinates_the_points_carry_it(tmp_path: Path) -> None:
+    session = usdslf.open(str(write_floor(tmp_path, points_on_a_side=33)), elements=400)
+    found = solve(session, stroke(seen(places(), gradient(places()))))
+    assert found["varies"]
+    look = tmp_path / "look.usda"
+    (edit,) = session.author(look)
+    assert (edit.representation, edit.attribute, edit.wins) == ("primvar", "primvars:slf:diffuseColor", True)
+    other = session.edited(look)
+    t = other.scene.triangles
+    near = nearest_on_triangles(t.positions, places())
+    got = evaluate_surface(other.scene, near.triangle.astype(np.int32), near.barycentric.astype(np.float32)).diffuse
+    np.testing.assert_allclose(got, gradient(places()), atol=0.05)
+    session.author(tmp_path / "again.usda")
+    assert Usd.Stage.Open(str(look)).GetAttributeAtPath("/World/floor.primvars:slf:diffuseColor").HasValue()
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])

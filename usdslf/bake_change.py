@@ -1,9 +1,10 @@
 """A change that varies over a surface -> textures of the inputs of its UsdPreviewSurface.
 
-    bake_change(scene, material, triangles, varying, folder, color, warnings) -> {input: Baked}, empty where it cannot
+    bake_change(scene, material, triangles, varying, folder, color, warnings) -> {input: Baked or ByVertex}
 
 Which input says it: diffuseColor for the diffuse colour of what is no metal and for the specular colour of a metal,
-specularColor in the specular workflow.  Where no texture can say it, that is said, and the mean stays a constant.
+specularColor in the specular workflow.  A constant input of gprims without texture coordinates of their own gets a
+value at each of their points.  Where neither can say it, that is said, and the mean stays a constant.
 """
 
 from __future__ import annotations
@@ -15,6 +16,8 @@ from numpy.typing import NDArray
 
 from usdslf.bake import Baked, bake_texture, plain_texture
 from usdslf.color import Color
+from usdslf.edits import ByVertex
+from usdslf.nearest import nearest_on_triangles
 from usdslf.propagate import places_at
 from usdslf.scene import F64, Material, Scene, Texture
 from usdslf.style_textures import common_sets, lies_flat
@@ -25,7 +28,7 @@ METAL, DIELECTRIC = 0.999, 0.001
 
 def bake_change(
     scene: Scene, material: int, triangles: NDArray, varying: Varying, folder: Path, color: Color, warnings: list[str]
-) -> dict[str, Baked]:  # fmt: skip
+) -> dict[str, Baked | ByVertex]:  # fmt: skip
     """Writes the texture that a varying change needs; returns it by input, nothing where a constant has to do.
 
     Args:
@@ -44,6 +47,8 @@ def bake_change(
     elif not isinstance(value, (Texture, np.ndarray)):
         why = f"a primvar drives its {name}"
     elif not uv_set or not lies_flat(scene, triangles, uv_set):
+        if isinstance(value, np.ndarray):
+            return {name: _by_vertex(scene, material, value, varying)}
         why = "its texture coordinates lie upon each other or are missing"
     if why:
         warnings.append(f"the change of {m.path} varies, but {why}: its mean is written")
@@ -55,6 +60,22 @@ def bake_change(
 
     stem = f"{m.path.rsplit('/', 1)[-1]}_{name}"
     return {name: bake_texture(scene, texture, triangles, delta, folder, stem, color=color, warnings=warnings)}
+
+
+def _by_vertex(scene: Scene, material: int, value: NDArray, varying: Varying) -> ByVertex:
+    """The constant plus the change at any points of a gprim: that of the nearest place of its surface."""
+    table = scene.triangles
+
+    def at(gprim: str, points: F64) -> F64:
+        mesh = next(i for i, m in enumerate(scene.meshes) if m.path == gprim)
+        own = np.flatnonzero((table.mesh == mesh) & (table.material == material))
+        near = nearest_on_triangles(table.positions[own], points)
+        places = places_at(scene, own[near.triangle].astype(np.int32), near.barycentric.astype(np.float32))
+        return np.asarray(value, np.float64) + varying.at(places)
+
+    before = tuple(float(x) for x in value)
+    after = tuple(float(x) for x in np.clip(value + varying.mean, 0, 1))
+    return ByVertex(before, after, at, scene.frame)
 
 
 def _input_of(m: Material, parameter: str) -> str:

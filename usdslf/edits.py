@@ -14,7 +14,7 @@ mean to what was solved and 0..1 into 0..1.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -47,6 +47,16 @@ class Reflectance:
 
 
 @dataclass(frozen=True)
+class ByVertex:
+    """Values of an input that vary over gprims without texture coordinates: one at each of their points."""
+
+    before: tuple[float, ...]  # the constant that they replace
+    after: tuple[float, ...]  # mean
+    at: Callable[[str, F64], F64]  # gprim, its points (V, 3) in the world -> values (V, channels)
+    frame: float = float("nan")  # at which the points are in that place; nan: default time
+
+
+@dataclass(frozen=True)
 class MaterialChange:
     """A solved change of one material."""
 
@@ -64,6 +74,7 @@ class MaterialChange:
     baked: Mapping[str, Baked] = field(
         default_factory=dict
     )  # by input name: instead of one value for all points
+    by_vertex: Mapping[str, ByVertex] = field(default_factory=dict)  # by input name, where there are no coordinates
     map: str = "auto"  # of textured inputs: auto | add (a bias) | multiply (a scale)
     residual_before: float = float("nan")
     residual_after: float = float("nan")
@@ -83,6 +94,7 @@ class InputEdit:
     scale: tuple[float, ...] = ()  # per channel of the input
     bias: tuple[float, ...] = ()
     baked: Baked | None = None  # texture
+    by_vertex: ByVertex | None = None  # primvar without a source
 
 
 def inferred(freed: tuple[str, ...]) -> str:
@@ -136,7 +148,18 @@ def material_change_to_input_edits(change: MaterialChange) -> list[InputEdit]:
         if _is_driven(m.roughness):  # texels below the least roughness show as it: most of them are zero
             rough = np.where(rough <= MIN_ROUGHNESS * 1.0001, 0.0, rough)
         edits += _edit(change, "roughness", m.roughness, rough, np.clip(wanted.roughness, 0, 1))
-    return [e for e in edits if e.input not in change.baked] + _baked_edits(change)
+    plain = [e for e in edits if e.input not in change.baked and e.input not in change.by_vertex]
+    return plain + _baked_edits(change) + _vertex_edits(change)
+
+
+def _vertex_edits(change: MaterialChange) -> list[InputEdit]:
+    """The inputs whose change varies over gprims that have nothing but their points to carry it."""
+    return [
+        InputEdit(
+            change.material.path, name, _plain(np.array(v.before)), _plain(np.array(v.after)), "primvar", by_vertex=v
+        )
+        for name, v in sorted(change.by_vertex.items())
+    ]
 
 
 def _baked_edits(change: MaterialChange) -> list[InputEdit]:

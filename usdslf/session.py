@@ -19,9 +19,10 @@ from numpy.typing import NDArray
 
 import usdslf
 from usdslf.anchors import locate_stroke, painted_faces
+from usdslf.bake import Baked
 from usdslf.bake_change import bake_change
 from usdslf.color import Color, color_of
-from usdslf.edits import MaterialChange, Reflectance, inferred
+from usdslf.edits import ByVertex, MaterialChange, Reflectance, inferred
 from usdslf.elements import ElementLookup, Elements, refresh_reflectance, sample_elements
 from usdslf.errors import InputError, SolveError, StageError
 from usdslf.gpu.device import Device, open_device
@@ -482,8 +483,11 @@ class Session:
         scene, material = self.scene, answer.pool.material
         shown = np.array([m.path in change.targets for m in scene.meshes])[scene.triangles.mesh]
         triangles = np.flatnonzero(shown & (scene.triangles.material == material))
+        found = bake_change(scene, material, triangles, answer.varying, folder, color, self.warnings)
         return replace(
-            change, baked=bake_change(scene, material, triangles, answer.varying, folder, color, self.warnings)
+            change,
+            baked={k: v for k, v in found.items() if isinstance(v, Baked)},
+            by_vertex={k: v for k, v in found.items() if isinstance(v, ByVertex)},
         )
 
     def _how(self) -> str:

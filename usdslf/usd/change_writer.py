@@ -12,6 +12,7 @@ Where to write: network.py for what drives an input, look_layer.py for instances
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -181,6 +182,8 @@ class ChangeWriter:
             return self._use_baked(edit)
         if edit.representation == "scale":
             return self._map_texture(edit)
+        if edit.by_vertex is not None:
+            return self._put_vertices(edit)
         if edit.representation == "primvar":
             return self._map_primvar(edit)
         attribute, path, others = input_place(self.shader, edit.input)
@@ -309,6 +312,41 @@ class ChangeWriter:
         self._connect(self.shader.GetPath(), edit.input, node, f"outputs:{baked.channels}", kind)
         self._connect(node, "st", reader, "outputs:result", Names.Float2)
         return node
+
+    def _put_vertices(self, edit: InputEdit) -> list[AuthoredEdit]:
+        """Gives the points of each gprim a value of their own, and the input a reader of them."""
+        assert edit.by_vertex is not None
+        look, by = self.look, edit.by_vertex
+        users = self.users if self.users is not None else users_of(look.stage, self.original)
+        gprims = [p.GetParent() if p.IsA(UsdGeom.Subset) else p for p in users]
+        if any(p.IsInstanceProxy() or not p.IsA(UsdGeom.PointBased) for p in gprims):
+            self.said.append(f"{self.original} is shown by instances or shapes without points: its mean is written")
+            plain_ = dataclasses.replace(edit, representation="constant", by_vertex=None)
+            return self.write(plain_)
+        name, channels = f"slf:{edit.input}", len(by.after)
+        reader = new_node_path(self.shader, f"slf_{edit.input}")
+        spec = look.define(self._moved(reader), "Shader")
+        info = Sdf.AttributeSpec(spec, "info:id", Names.Token, Sdf.VariabilityUniform, declaresCustom=False)
+        info.default = f"UsdPrimvarReader_float{'3' if channels == 3 else ''}"
+        look.put(look.over(self._moved(reader)), "inputs:varname", Names.String, name)
+        kind = Names.Float3 if channels == 3 else Names.Float
+        fallback = Gf.Vec3f(*by.after) if channels == 3 else float(by.after[0])
+        look.put(look.over(self._moved(reader)), "inputs:fallback", kind, fallback)
+        self._connect(self.shader.GetPath(), edit.input, reader, "outputs:result", kind)
+        written = []
+        time = Usd.TimeCode.Default() if np.isnan(by.frame) else Usd.TimeCode(by.frame)
+        for gprim in dict.fromkeys(gprims):
+            world = np.array(UsdGeom.Xformable(gprim).ComputeLocalToWorldTransform(time))
+            points = np.asarray(UsdGeom.PointBased(gprim).GetPointsAttr().Get(time), np.float64)
+            values = by.at(str(gprim.GetPath()), points @ world[:3, :3] + world[3, :3]).astype(np.float32)
+            over = look.over(gprim.GetPath())
+            array = Vt.Vec3fArray.FromNumpy(values) if channels == 3 else Vt.FloatArray.FromNumpy(values[:, 0])
+            put = look.put(over, f"primvars:{name}", Names.Color3fArray if channels == 3 else Names.FloatArray, array)
+            put.SetInfo("interpolation", UsdGeom.Tokens.vertex)
+            shown = str(gprim.GetPath().AppendProperty(put.name))
+            at = str(put.path.GetPrimPath())
+            written.append(AuthoredEdit(at, put.name, edit.before, edit.after, "primvar", shown_at=shown))
+        return written
 
     def _map_primvar(self, edit: InputEdit) -> list[AuthoredEdit]:
         users = self.users if self.users is not None else users_of(self.look.stage, self.original)
