@@ -18,7 +18,7 @@ import click
 import numpy as np
 
 import usdslf
-from usdslf.errors import AuthorError, InputError, UsdslfError
+from usdslf.errors import AuthorError, InputError, StrokeError, UsdslfError
 from usdslf.options import Choose, Color3, Offset, Path2D, Size, Weights
 from usdslf.reflectance import MODELS
 from usdslf.strokes import MODES, NORMS, SCOPES, SPACES, TOOLS
@@ -26,6 +26,7 @@ from usdslf.terminal import progress, warn
 
 if TYPE_CHECKING:
     from usdslf.session import Say, Session
+    from usdslf.strokes import Stroke
 
 
 @dataclass
@@ -127,6 +128,20 @@ def _open(options: Settings, stage: Any, frame: float | None, say: Say | None, *
     return usdslf.open(stage, frame=frame, device=options.device, ocio=options.ocio, say=say, **more)
 
 
+def _strokes_of(layer: str, name: str | None, warnings: list[str]) -> list[Stroke]:
+    """The active strokes of a layer, or the one of a name."""
+    from usdslf.usd.stroke_layer import read_strokes
+
+    strokes = read_strokes(layer, warnings)
+    if name is None:
+        return [s for s in strokes if s.active]
+    found = [s for s in strokes if name in (s.name, s.path)]
+    if not found:
+        known = ", ".join(s.name for s in strokes) or "none"
+        raise StrokeError(f"{layer} has no stroke {name}; it has {known}")
+    return found
+
+
 def _print_json(values: Any) -> None:
     click.echo(json.dumps(values, indent=2, allow_nan=False))
 
@@ -158,6 +173,8 @@ def info(options: Settings, stage: str, frame: float | None, refine: int, as_jso
 @click.option("--size", type=Size(), help="Default: as the camera's film, its longer side 960 pixels.")
 @click.option("--edits", metavar="LOOK", help="A look layer to put over the stage.")
 @click.option("--aov", "aovs", multiple=True, metavar="NAME ...", help="More layers of an EXR, e.g. albedo.")
+@click.option("--strokes", metavar="STROKES", help="The stroke layer that --aov similarity is about.")
+@click.option("--stroke", "stroke_name", metavar="NAME", help="Of its strokes, one; default: all that are active.")
 @click.option("--samples", type=click.IntRange(1, 4096), default=16, show_default=True, help="Rays a pixel.")
 @click.option("--elements", type=int, default=10000, show_default=True, help="Surface elements.")
 @click.option("--bounces", type=int, default=8, show_default=True, help="Most bounces of light.")
@@ -166,19 +183,29 @@ def info(options: Settings, stage: str, frame: float | None, refine: int, as_jso
 @settings
 def render(
     options: Settings, stage: str, output: str, camera: str | None, size: tuple[int, int] | None, edits: str | None,
-    aovs: tuple[str, ...], samples: int, elements: int, bounces: int, model: str, frame: float | None, refine: int,
+    aovs: tuple[str, ...], strokes: str | None, stroke_name: str | None, samples: int,
+    elements: int, bounces: int, model: str, frame: float | None, refine: int,
 ) -> None:  # fmt: skip
     """A picture of direct and indirect light."""
     from usdslf.camera_rays import film_size
-    from usdslf.outputs import check_picture, write_picture
+    from usdslf.outputs import SIMILARITY, check_picture, write_picture
     from usdslf.usd.edited import open_edited
 
     check_picture(output, aovs)
+    is_about_strokes = SIMILARITY in aovs
+    if is_about_strokes != bool(strokes) or (stroke_name and not strokes):
+        raise click.UsageError(f"--aov {SIMILARITY} and --strokes STROKES go together; give both or none")
     with progress(options.quiet) as say:
         shot = open_edited(stage, edits) if edits else stage
         session = _open(options, shot, frame, say, refine=refine, elements=elements, bounces=bounces, model=model)
         view = session.camera(camera)
-        pictures = session.render(view, size or film_size(view), aovs, samples=samples)
+        size, similar = size or film_size(view), {}
+        if strokes:
+            chosen = _strokes_of(strokes, stroke_name, session.warnings)
+            similar = {SIMILARITY: session.similarity(chosen, view, size)}
+        shown = tuple(a for a in aovs if a != SIMILARITY)
+        grey = bool(strokes) and output.lower().endswith(".png")
+        pictures = {**({} if grey else session.render(view, size, shown, samples=samples)), **similar}
     write_picture(output, pictures, session.scene, aovs)
     warn(session.warnings, options.quiet)
     click.echo(output)

@@ -18,6 +18,7 @@ from usdslf.render import AOVS
 from usdslf.scene import Scene
 
 PICTURE_TYPES = (".exr", ".png")
+SIMILARITY = "similarity"  # to strokes: no layer of the renderer; a PNG can hold it alone, in grey
 _LETTERS = {1: ("Y",), 3: ("R", "G", "B")}
 
 
@@ -38,11 +39,11 @@ def check_picture(path: str | Path, aovs: Sequence[str]) -> None:
     suffix = Path(path).suffix.lower()
     if suffix not in PICTURE_TYPES:
         raise InputError(f"{path} is no picture; end its name in {' or '.join(PICTURE_TYPES)}")
-    if aovs and suffix != ".exr":
+    if aovs and suffix != ".exr" and tuple(aovs) != (SIMILARITY,):
         raise InputError(f"{path} cannot hold the layers {', '.join(aovs)}; end its name in .exr")
-    unknown = [a for a in aovs if a not in AOVS]
+    unknown = [a for a in aovs if a not in (*AOVS, SIMILARITY)]
     if unknown:
-        raise InputError(f"there is no AOV '{unknown[0]}'; choose from {', '.join(AOVS)}")
+        raise InputError(f"there is no AOV '{unknown[0]}'; choose from {', '.join([*AOVS, SIMILARITY])}")
     check_place(path)
 
 
@@ -56,14 +57,15 @@ def write_picture(
     """Writes a rendered picture: an EXR scene-linear with its layers, a PNG through the display.
 
     Args:
-        pictures: name -> (h, w, channels), with `color`.
+        pictures: name -> (h, w, channels), with `color`; a PNG of `similarity` alone is without.
         aovs: names of the further layers; their channels are called name.R and so on.
         exposure: [stops] of a PNG.
     """
     color = color_of(scene.ocio or None, scene.working_space)
     note = {"usdslf:ocioConfig": color.config_name, "usdslf:workingSpace": scene.working_space}
     if Path(path).suffix.lower() == ".png":
-        write_image(path, color.display(pictures["color"], exposure), metadata=note)
+        grey = "color" not in pictures
+        write_image(path, pictures[SIMILARITY] if grey else color.display(pictures["color"], exposure), metadata=note)
         return
     layers = {"": pictures["color"], **{f"{name}.": pictures[name] for name in aovs if name != "color"}}
     channels = [prefix + letter for prefix, p in layers.items() for letter in _LETTERS[p.shape[-1]]]

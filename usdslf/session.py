@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import cached_property
@@ -18,13 +18,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 import usdslf
+from usdslf.alike import painted_places, similarity_picture
 from usdslf.anchors import locate_stroke, painted_faces
 from usdslf.bake import Baked
 from usdslf.bake_change import bake_change
 from usdslf.color import Color, color_of
 from usdslf.edits import ByVertex, MaterialChange, Reflectance, inferred
 from usdslf.elements import ElementLookup, Elements, refresh_reflectance, sample_elements
-from usdslf.errors import InputError, SolveError, StageError
+from usdslf.errors import InputError, SolveError, StageError, StrokeError
 from usdslf.gpu.device import Device, open_device
 from usdslf.infer import Answer, gather_strokes, infer_changes, residual_as_preview
 from usdslf.infer_indirect import infer_indirect
@@ -32,6 +33,7 @@ from usdslf.light_field import LightField, require_memory
 from usdslf.light_set import LightSet, lights_or_default
 from usdslf.lights import static_light
 from usdslf.overview import overview_camera
+from usdslf.propagate import Weights
 from usdslf.reflectance import MODELS
 from usdslf.render import render
 from usdslf.scene import Camera, Light, Scene
@@ -363,6 +365,23 @@ class Session:
                 self.scene, camera, size, self.tracer, field, self.lights, self.device, samples, ("color", *aovs),
                 elements=self.element_count, **options,
             )  # fmt: skip
+
+    def similarity(
+        self, stroke: Stroke | Sequence[Stroke], camera: Camera | str | None = None,
+        size: tuple[int, int] = (640, 360), weights: Weights | None = None,
+    ) -> NDArray[np.float32]:  # fmt: skip
+        """Returns a picture (h, w, 1): how similar what each pixel shows is to the dabs of a stroke, or of several.
+
+        Raises: StrokeError for a stroke that lies on no surface, or where there is none.
+        """
+        strokes = [stroke] if isinstance(stroke, Stroke) else list(stroke)
+        if not strokes:
+            raise StrokeError("similarity is to paint, and there is no stroke; paint one with: usdslf stroke")
+        camera = camera if isinstance(camera, Camera) else self.camera(camera)
+        tracer = self.tracer
+        with self._step("similarity"):
+            painted, reach = painted_places(self.scene, strokes, self.warnings)
+            return similarity_picture(self.scene, tracer, camera, size, painted, reach, weights)
 
     def changes(self, mode: str = "") -> list[MaterialChange]:
         """Returns what `solve` or `stylize` found as changes of materials; mode `new` is of painted gprims only."""
