@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ import pytest
 
 from usdslf.demo_shapes import ball, panel
 from usdslf.errors import StrokeError
+from usdslf.light_field import LightField
 from usdslf.propagate import Weights
 from usdslf.session import Session
 from usdslf.shot import Lamp, Part, Shot, View
@@ -116,3 +118,80 @@ def test_errors_say_what_is_missing(
     code, _, err = run("render", stage, "-o", tmp_path / "s.png", "--aov", "similarity", *given)
     assert code != 0 and says in err, err
     assert not (tmp_path / "s.png").exists()
+
+
+# ── scope similar ────────────────────────────────────────────────────────────────────────────────
+
+
+def solved(session: Session, *more: Stroke, scope: str, **options: object) -> dict[str, np.ndarray]:
+    """Change (3,) of the diffuse colour of each material that changes, after a dab row on the red ball."""
+    x, y = at_of(session, "red")
+    row = [(x + dx, y + dy) for dx in (-0.03, 0.0, 0.03) for dy in (-0.04, 0.04)]
+    pixels = session.render(size=SIZE, samples=64)["color"]
+    colors = [pixels[int(b * SIZE[1]), int(a * SIZE[0])] for a, b in row]
+    wanted = np.repeat([np.float32([1.0, 2.5, 1.0]) * c for c in colors], 2, 0)  # greener by the same light
+    stroke = paint_stroke(
+        session.scene, session.tracer, session.camera(), [[p] for p in row], 0.012, name="stroke_0001", scope=scope
+    )
+    session.strokes = []
+    for s in (replace(stroke, colors=wanted), *more):
+        session.add_stroke(s)
+    session.solve(**options)
+    return {
+        c.material.path.rsplit("/", 1)[-1]: c.after.diffuse - c.before.diffuse
+        for c in session.changes()
+    }  # fmt: skip
+
+
+def test_scope_material_changes_one_and_similar_the_like_one_by_the_same(session: Session, tmp_path: Path) -> None:
+    one = solved(session, scope="material")
+    assert set(one) == {"red"} and one["red"][1] > 0.05, one
+    two = solved(session, scope="similar")
+    assert set(two) == {"red", "like"}, two
+    np.testing.assert_allclose(two["like"], two["red"], atol=1e-6)
+    (also,) = session.report()["strokes"][0]["also"]
+    assert also["material"].endswith("/like")
+    edits = session.author(tmp_path / "look.usda")
+    assert {e.prim.split("/")[-2] for e in edits} == {"red", "like"} and all(e.wins for e in edits)
+    after = session.edited(tmp_path / "look.usda").scene.materials
+    (like,) = [m for m in after if m.path.endswith("/like")]
+    np.testing.assert_allclose(like.diffuse_color, COLORS["like"] + two["like"], atol=1e-5)
+
+
+def test_weights_say_what_is_alike(session: Session) -> None:
+    assert set(solved(session, scope="similar", similarity=Weights(1, 0, 0))) == {"red"}
+
+
+def test_a_fixated_material_is_left_out(session: Session) -> None:
+    fixed = paint_stroke(
+        session.scene, session.tracer, session.camera(), [[at_of(session, "like")]], 0.02, name="kept", tool="fixate"
+    )
+    assert set(solved(session, fixed, scope="similar")) == {"red"}
+
+
+def test_the_light_field_sees_the_change_of_what_is_alike(
+    session: Session, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seen = []
+    set_surface = LightField.set_surface
+    monkeypatch.setattr(LightField, "set_surface", lambda f, s: (seen.append(s.diffuse), set_surface(f, s))[1])
+    delta = solved(session, scope="similar")["like"]
+    names = [m.path.rsplit("/", 1)[-1] for m in session.scene.materials]
+    rows = session.elements.material == names.index("like")
+    off = [np.abs(d[rows] - session.elements.diffuse[rows] - delta).max() for d in seen]
+    assert min(off) < 1e-5, off
+
+
+def test_solve_takes_the_weights(session: Session, tmp_path: Path, run: Run) -> None:
+    solved(session, scope="similar")
+    layer, look = tmp_path / "strokes.usda", tmp_path / "look.usda"
+    write_strokes(layer, session.strokes, session.stage)
+    given = ("solve", session.shot.GetRootLayer().realPath, layer, "-o", look, "--elements", 700)
+    code, out, err = run(*given)
+    assert code == 0 and "and diffuse of" in out and "mtl/like" in out.replace("materials", "mtl"), (out, err)
+    code, out, _ = run(*given, "--similarity", "1,0,0")
+    assert code == 0 and "/like" not in out, out
+    code, _, err = run(*given, "--similarity", "1,0")
+    assert code == 2 and "three weights" in err
+    code, _, err = run(*given, "--similarity", "0,0,0")
+    assert code != 0 and "one above 0" in err

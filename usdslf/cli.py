@@ -19,7 +19,7 @@ import numpy as np
 
 import usdslf
 from usdslf.errors import AuthorError, InputError, StrokeError, UsdslfError
-from usdslf.options import Choose, Color3, Offset, Path2D, Size, Weights
+from usdslf.options import Choose, Color3, Offset, Path2D, Similarity, Size, Weights
 from usdslf.reflectance import MODELS
 from usdslf.strokes import MODES, NORMS, SCOPES, SPACES, TOOLS
 from usdslf.terminal import progress, warn
@@ -284,6 +284,8 @@ def stroke(
 @click.option("--norm", type=click.Choice(NORMS), help="For all strokes; default: each stroke's own.")
 @click.option("--weights", type=Weights(), help="Of the norm mixed: three factors of the misfit for one, two and three "
               "freed parameters, 1,5,25 in the paper; or costs by name, e.g. group=8,freedom=2.")
+@click.option("--similarity", type=Similarity(), help="What counts where a stroke of scope similar finds more "
+              "materials like the painted one; default 0.25,0.25,2.")
 @click.option("--choose", type=Choose(), multiple=True, help="Take an alternative of the report.")
 @click.option("--mode", type=click.Choice(("override", "new", "class")), default=None,
               help="override: all that show the material; new: a material for what was painted only; class: all "
@@ -295,9 +297,11 @@ def stroke(
 def solve(
     options: Settings, stage: str, strokes: str, output: str, report: str | None, review_root: str | None,
     elements: int, directions: int, bounces: int, norm: str | None, choose: tuple[tuple[str, str], ...],
-    weights: Any, mode: str | None, make_preview: bool, model: str, frame: float | None, refine: int,
+    weights: Any, similarity: tuple[float, float, float] | None,
+    mode: str | None, make_preview: bool, model: str, frame: float | None, refine: int,
 ) -> None:  # fmt: skip
     """Find the smallest material change that explains the strokes, and write it as a look layer."""
+    from usdslf import propagate
     from usdslf.outputs import check_place, write_json
     from usdslf.report import lines_of_report
     from usdslf.solve import Options
@@ -306,6 +310,7 @@ def solve(
     if directions != 1024:
         raise click.UsageError(f"--directions {directions} is not possible; the kernels have 1024")
     weighed = Options.of(weights) if weights is not None else None
+    alike = propagate.Weights(*similarity) if similarity is not None else None
     for place in filter(None, (output, review_root)):
         check_place(place, AuthorError)
     if report:
@@ -317,7 +322,7 @@ def solve(
         )  # fmt: skip
         for each in read_strokes(strokes, session.warnings):
             session.add_stroke(each)
-        session.solve(norm, dict(choose), weighed)
+        session.solve(norm, dict(choose), weighed, alike)
         session.author(output, strokes_path=strokes, review_root=review_root, mode=mode or "")
     found = session.report()
     if report:

@@ -16,11 +16,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from usdslf.alike import alike_materials
 from usdslf.errors import SolveError, StrokeError
 from usdslf.evidence import Evidence, Samples, build_evidence, evaluate_columns, gather_samples, mean_by
 from usdslf.light_field import LightField, Surface
 from usdslf.light_set import LightSet
-from usdslf.propagate import Places
+from usdslf.propagate import Places, Weights, reach_of
 from usdslf.reach import dimming, error_of, explains_nothing, seems_too_bright
 from usdslf.reflectance import gloss_levels
 from usdslf.scene import Scene
@@ -59,6 +60,7 @@ class Pool:
     targets: tuple[str, ...]  # gprims of the scope; () for the whole material
     strokes: tuple[int, ...]  # into the strokes that were read
     is_held: bool = False  # asks for no change: a fixate stroke, or a strength of zero
+    alike: tuple[int, ...] = ()  # materials that change by the same delta: what is similar to the painted places
 
 
 @dataclass(frozen=True)
@@ -139,6 +141,7 @@ def infer_changes(
     choose: dict[str, str] | None = None,
     bounces: int = 6,
     warnings: list[str] | None = None,
+    similarity: Weights | None = None,
 ) -> Iterator[list[Answer]]:
     """Finds the change of every painted material; yields the answers after each round of bounces.
 
@@ -148,6 +151,7 @@ def infer_changes(
         choose: stroke name -> id of the alternative to take instead of the best.
         options: weights; their `norm` is used for strokes that say mixed.
         warnings: takes a sentence for paint that is out of reach.
+        similarity: weights of what strokes of scope `similar` change beside the painted material.
 
     Raises: SolveError where no stroke says anything about a material that can be changed.
     """
@@ -166,6 +170,7 @@ def infer_changes(
         evidence = [p.evidence(field) for p in painted]
         answers = [_first_answer(p, evidence, painted, field, options, choose) for p in pools]
     answers = [_or_nothing(a, painted, choose, said) for a in answers]
+    answers = [_with_alike(a, answers, evidence, painted, field, scene, similarity) for a in answers]
     kept: list[Answer] | None = None
     kept_surface = original
     at, step, share = np.zeros_like(_changes(answers)), _changes(answers), 1.0
@@ -240,6 +245,25 @@ def _or_nothing(answer: Answer, painted: list[Painted], choose: dict[str, str], 
     )
     before_, after_ = means_of(t, none)
     return replace(answer, chosen=none, before=before_, after=after_)
+
+
+def _with_alike(
+    answer: Answer, answers: list[Answer], evidence: list[Evidence], painted: list[Painted], field: LightField,
+    scene: Scene, weights: Weights | None,
+) -> Answer:  # fmt: skip
+    """The answer with the materials that change too, where one of its strokes says `similar`."""
+    pool = answer.pool
+    similar = [i for i in pool.strokes if painted[i].stroke.scope == "similar"]
+    if not similar or not answer.chosen.freed:
+        return answer
+    taken = [a.pool for a in answers if a.pool != pool]
+    leave = {pool.material, *(p.material for p in taken), *(m for p in taken for m in p.alike)}
+    leave |= set(fixed_materials(evidence))
+    mine = [evidence[i] for i in similar]
+    places = places_of_dabs(mine, pool.material)
+    brush = float(np.mean([e.stroke.widths.mean() for e in mine]))
+    alike = alike_materials(scene, field.elements, places, reach_of(places.position, 0.5 * brush), leave, weights)
+    return replace(answer, pool=replace(pool, alike=alike))
 
 
 def _relaxed(step: NDArray, last: NDArray, share: float) -> tuple[NDArray, float]:
@@ -460,16 +484,33 @@ def _changed_surface(
         if not a.chosen.freed:
             continue
         rows = scope_rows(a.pool, field, scene, painted)
-        s, c = original, a.chosen
+        alike = np.isin(field.elements.material, a.pool.alike)
         if a.varying:
             surface = _varied_surface(surface, original, a, field, rows)
-            continue
+            rows = alike  # which change by the mean of it
+        else:
+            rows = rows | alike
+        s, c = original, a.chosen
         f0 = c.f0_of(s.f0[rows])
         f90 = f0 if a.tables.is_metal and "specular" in c.freed else s.f90[rows]
         surface = surface.with_rows(
             rows, diffuse=c.diffuse_of(s.diffuse[rows]), f0=f0, f90=f90, roughness=c.roughness_of(s.roughness[rows])
         )
     return surface
+
+
+def alike_means(answer: Answer, material: int, field: LightField) -> tuple[dict[str, NDArray], dict[str, NDArray]]:
+    """Returns mean diffuse, specular and roughness of a material that is alike, before and after the same change.
+
+    Args:
+        field: with the reflectance of before.
+    """
+    rows, s, c = field.elements.material == material, field.surface, answer.chosen
+    weight = field.elements.area[rows].astype(np.float64)
+    mean = lambda x: np.average(np.asarray(x, np.float64)[rows], axis=0, weights=weight)  # noqa: E731
+    d, f0, roughness = mean(s.diffuse), mean(s.f0), np.atleast_1d(mean(s.roughness))
+    before = {"diffuse": d, "specular": f0, "roughness": roughness}
+    return before, {"diffuse": c.diffuse_of(d), "specular": c.f0_of(f0), "roughness": c.roughness_of(roughness)}
 
 
 def _varied_surface(

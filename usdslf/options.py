@@ -111,6 +111,21 @@ class Weights(click.ParamType):
         return weights
 
 
+class Similarity(click.ParamType):
+    """POSITION,NORMAL,REFLECTANCE: how much each counts where things are alike."""
+
+    name = "POSITION,NORMAL,REFLECTANCE"
+
+    def convert(self, value: Any, param: Param, ctx: Context) -> tuple[float, float, float]:
+        """Returns three weights."""
+        if isinstance(value, tuple):
+            return value
+        found = numbers(str(value))
+        if found is None or len(found) != 3:
+            self.fail(f"'{value}' is not three weights; write them like 0.25,0.25,2", param, ctx)
+        return found[0], found[1], found[2]
+
+
 def numbers(text: str) -> list[float] | None:
     """Returns the finite numbers of "a,b,...", None where it is something else."""
     try:

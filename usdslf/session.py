@@ -27,7 +27,7 @@ from usdslf.edits import ByVertex, MaterialChange, Reflectance, inferred
 from usdslf.elements import ElementLookup, Elements, refresh_reflectance, sample_elements
 from usdslf.errors import InputError, SolveError, StageError, StrokeError
 from usdslf.gpu.device import Device, open_device
-from usdslf.infer import Answer, gather_strokes, infer_changes, residual_as_preview
+from usdslf.infer import Answer, alike_means, gather_strokes, infer_changes, residual_as_preview
 from usdslf.infer_indirect import infer_indirect
 from usdslf.light_field import LightField, require_memory
 from usdslf.light_set import LightSet, lights_or_default
@@ -222,14 +222,16 @@ class Session:
         self.answers, self.edits = [], []
 
     def solve(
-        self, norm: str | None = None, choose: Mapping[str, str] | None = None, options: Options | None = None
-    ) -> list[Answer]:
+        self, norm: str | None = None, choose: Mapping[str, str] | None = None, options: Options | None = None,
+        similarity: Weights | None = None,
+    ) -> list[Answer]:  # fmt: skip
         """Finds the smallest change of materials that explains the strokes.
 
         Args:
             norm: l2 | l0 | mixed for all strokes; None: each stroke's own.
             choose: stroke name -> id of an alternative.
             options: weights of the choice, `Options.of((1, 5, 25))` or `Options.of({"group": 8})`.
+            similarity: weights of what strokes of scope `similar` change beside the painted material.
 
         Raises: StrokeError, SolveError.
         """
@@ -251,8 +253,9 @@ class Session:
                 direct: list[Answer] = []
                 if any(p.stroke.mode == "direct" for p in painted):
                     rounds = infer_changes(
-                        painted, self.scene, field, options, dict(choose or {}), self.bounces, self.warnings
-                    )
+                        painted, self.scene, field, options, dict(choose or {}), self.bounces, self.warnings,
+                        similarity,
+                    )  # fmt: skip
                     for number, direct in enumerate(rounds):  # noqa: B007
                         self._say("solve", (number + 1) / 4)
                 self.answers = direct
@@ -387,7 +390,11 @@ class Session:
         """Returns what `solve` or `stylize` found as changes of materials; mode `new` is of painted gprims only."""
         if self.stylized is not None:
             return [self._restyled(s) for s in self.stylized.styles if s.freed]
-        return [self._change(a, mode) for a in self.answers if a.chosen.freed]
+        answers = [a for a in self.answers if a.chosen.freed]
+        changes = [self._change(a, mode) for a in answers]
+        if mode == "new":
+            return changes
+        return changes + [self._alike_change(a, m) for a in answers for m in a.pool.alike]
 
     def _change(self, answer: Answer, mode: str) -> MaterialChange:
         pool, scene = answer.pool, self.scene
@@ -415,6 +422,22 @@ class Session:
             map="multiply" if answer.chosen.is_tint else "auto",
             residual_before=answer.residual_before,
             residual_after=answer.residual_after,
+        )
+
+    def _alike_change(self, answer: Answer, material: int) -> MaterialChange:
+        """The change of a material that is similar to what an answer's strokes were painted on."""
+        scene, active = self.scene, [s for s in self.strokes if s.active]
+        shown = np.unique(scene.triangles.mesh[scene.triangles.material == material])
+        before, after = alike_means(answer, material, self.light_field)
+        return MaterialChange(
+            material=scene.materials[material],
+            scope="material",
+            targets=tuple(scene.meshes[m].path for m in shown),
+            freed=answer.chosen.freed,
+            before=_reflectance(before),
+            after=_reflectance(after),
+            strokes=tuple(active[i].path for i in answer.pool.strokes),
+            map="multiply" if answer.chosen.is_tint else "auto",
         )
 
     def _restyled(self, style: MaterialStyle) -> MaterialChange:
@@ -493,7 +516,8 @@ class Session:
                 for c, style in zip(changes, styles, strict=True)
             ]
         answers = [a for a in self.answers if a.chosen.freed]
-        return [self._varied(c, a, folder, color) for c, a in zip(changes, answers, strict=True)]
+        varied = [self._varied(c, a, folder, color) for c, a in zip(changes, answers)]
+        return varied + changes[len(answers) :]  # what is alike changes by the mean
 
     def _varied(self, change: MaterialChange, answer: Answer, folder: Path, color: Color) -> MaterialChange:
         """The change with the texture of an answer that varies."""
@@ -611,6 +635,17 @@ class Session:
                 for c in answer.candidates
             ],
         }
+        if answer.pool.alike:
+            means = [(m, *alike_means(answer, m, self.light_field)) for m in answer.pool.alike]
+            found["also"] = [
+                {
+                    "material": self.scene.materials[m].path,
+                    "inferred": answer.chosen.id,
+                    "before": _plain(before),
+                    "after": _plain(after),
+                }
+                for m, before, after in means
+            ]
         if answer.note:
             found["note"] = answer.note
         if answer.others:
