@@ -12,6 +12,7 @@ from __future__ import annotations
 from usdslf.gallery import (
     blue_wall,
     caustic,
+    detail,
     fitting,
     indirect_room,
     shadow_diffuse,
@@ -44,6 +45,7 @@ ENTRIES: tuple[Entry, ...] = (
     indirect_room.GLOSSY,
     caustic.ENTRY,
     window_light.ENTRY,
+    detail.ENTRY,
     stylize.ENTRY,
 )
 """All entries; the first one is run where none is named."""
