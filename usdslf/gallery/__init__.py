@@ -32,6 +32,7 @@ ENTRIES: tuple[Entry, ...] = (
     still_life.ENTRY,
     toys.ENTRY,
     white_dab.ENTRY,
+    tools.ENTRY,
     indirect_room.MIRROR,
     similarity.ENTRY,
     blue_wall.ENTRY,
