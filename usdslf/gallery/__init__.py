@@ -20,6 +20,7 @@ from usdslf.gallery import (
     sketch_specular,
     still_life,
     stylize,
+    tools,
     toys,
     upsampling,
     white_dab,

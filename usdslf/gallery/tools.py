@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from usdslf.anchors import unit
 from usdslf.camera_rays import project_points
 from usdslf.demo_shapes import ball, panel
 from usdslf.demo_textures import planks, studio
@@ -64,10 +65,10 @@ def run(play: Play) -> None:
     """One stroke a ball, solved together."""
     for i, tool in enumerate(TOOLS):
         places = highlight(play, i) if tool in ("blur", "sharpen", "brighten", "darken") else body(play, i)
-        brush = {"clone_offset": (GAP, 0.0, 0.0)} if tool == "clone" else {}
+        offset = (GAP, 0.0, 0.0) if tool == "clone" else (0.0, 0.0, 0.0)
         strength = {"brighten": 0.8, "darken": 0.5}.get(tool, 1.0)
         color = REPLACED if tool == "replace" else (1.0, 1.0, 1.0)
-        play.paint([(color, places)], 0.012, tool=tool, strength=strength, **brush)
+        play.paint([(color, places)], 0.012, tool=tool, strength=strength, clone_offset=offset)
     found = {s["surface"].rsplit("_", 1)[-1]: s for s in play.step("seven balls, seven tools").report["strokes"]}
     rough = {t: s["after"]["roughness"] - s["before"]["roughness"] for t, s in found.items()}
     shine = {t: float(np.mean(s["after"]["specular"]) - np.mean(s["before"]["specular"])) for t, s in found.items()}
@@ -87,7 +88,7 @@ def highlight(play: Play, ball_: int) -> list[tuple[float, float]]:
     lamp = np.array(play.shot.lamps[0].at)
     at = centre
     for _ in range(4):
-        half = sum((d := x - at) / np.linalg.norm(d) for x in (lamp, eye))
+        half = unit(lamp[None] - at)[0] + unit(eye[None] - at)[0]
         at = centre + SIZE * half / np.linalg.norm(half)
     along = np.cross(at - centre, [0.0, 1.0, 0.0])
     along /= np.linalg.norm(along)
