@@ -34,7 +34,7 @@ MATERIALS: dict[str, Inputs] = {
     "glaze": GLAZE,
 }
 TRUTH_DELTA = (-0.16, -0.02, 0.14)
-"""Of the glaze's diffuse colour."""
+"""Of the glaze's diffuse colour; its texture is then speckles(shift=TRUTH_DELTA)."""
 
 
 def noise(shape: tuple[int, int], size: float, seed: int) -> NDArray[np.float64]:
@@ -64,7 +64,6 @@ def bumps(size: int = 256, height: float = 2.2) -> F32:
 def build(folder: Path, hdri: str | None = None) -> Shot:
     """Returns the shot, its textures written."""
     write_image(folder / "speckles.png", speckles())
-    write_image(folder / "true_speckles.png", speckles(shift=TRUTH_DELTA))
     write_image(folder / "bumps.png", bumps())
     profile = [(0.0, 0.0), (0.17, 0.0), (0.19, 0.02), (0.27, 0.18), (0.30, 0.34), (0.25, 0.50), (0.13, 0.60),
                (0.11, 0.68), (0.15, 0.74), (0.13, 0.74), (0.0, 0.70)]  # fmt: skip
