@@ -28,6 +28,7 @@ from usdslf.images import load_texture
 from usdslf.scene import F32, F64, Scene, Texture
 from usdslf.texel_cover import nearest_covered, texel_points
 from usdslf.texels import Texels
+from usdslf.texture_store import Image
 
 Delta = Callable[[NDArray, NDArray], NDArray]
 """(triangle (n,) of the scene, barycentric (n, 2)) -> (n, channels) what is added to the input's value."""
@@ -112,7 +113,9 @@ def bake_texture(
             temporary = folder / f".{stem}.{tile}.{os.getpid()}.exr"
             _write(temporary, pixels, space, wraps)
             written.append((tile, temporary))
-            digest.update(f"{tile} {pixels.shape} {wraps} {space}".encode() + pixels.tobytes())
+            digest.update(f"{tile} {pixels.shape} {wraps} {space}".encode())
+            digest.update(np.ascontiguousarray(pixels).data)
+            del pixels, change, hits, used  # before those of the next tile are made
         if not sums[0, 0]:
             raise AuthorError(
                 f"Nothing that was painted lies on {texture.path or texture.prim}: check its uvs."
@@ -205,7 +208,7 @@ def _coordinates(scene: Scene, texture: Texture, triangles: NDArray) -> F64:
 
 
 # ---- texels ----------------------------------------------------------------------------------
-def _plain(texture: Texture, size: tuple[int, int] | None) -> dict[int, Texels]:
+def _plain(texture: Texture, size: tuple[int, int] | None) -> dict[int, Image]:
     """One colour, where no file is named."""
     if texture.path:
         raise AuthorError(
@@ -216,16 +219,15 @@ def _plain(texture: Texture, size: tuple[int, int] | None) -> dict[int, Texels]:
     return {0: Texels(np.broadcast_to(values, (height, width, len(values))))}
 
 
-def _pixels(image: Texels, needed: int, size: tuple[int, int] | None) -> NDArray[np.float16]:
+def _pixels(image: Image, needed: int, size: tuple[int, int] | None) -> NDArray[np.float16]:
     """The texels (h, w, c) of an image in the working space, as they are stored."""
-    height, width, count = image.values.shape
+    height, width, count = image.shape
     count = max(4 if count == 2 else count, needed)
     out = np.empty((height, width, count), np.float16)
     for top in range(0, height, _BLOCK):
         rows = min(_BLOCK, height - top)
-        y, x = np.indices((rows, width)).reshape(2, -1)
-        values = image.at(y + top, x)[:, :count]
-        out[top : top + rows] = np.clip(values, -HALF_MAX, HALF_MAX).reshape(rows, width, count)
+        values = image.rows(top, top + rows)[..., :count]
+        out[top : top + rows] = np.clip(values, -HALF_MAX, HALF_MAX)
     if size is None or size == (width, height):
         return out
     source = oiio.ImageBuf(oiio.ImageSpec(width, height, count, oiio.HALF))

@@ -1,17 +1,13 @@
 """Images: textures, environment maps and pictures, by OpenImageIO.
 
-A texture keeps its texels as they are in the file where a table converts them (8 bit), else converted to
-the working space in half floats: a shot's textures are its largest data.  Coordinates are USD's: st (0, 0)
-is the lower left corner of the picture, texel centres are at (i + 0.5) / size.
+What is kept of textures, and within which limits, is texture_store's.  Coordinates are USD's: st (0, 0) is
+the lower left corner of the picture, texel centres are at (i + 0.5) / size.
 """
 
 from __future__ import annotations
 
 import os
-import tempfile
-import zipfile
 from collections.abc import Iterable, Mapping
-from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -20,16 +16,16 @@ from numpy.typing import ArrayLike, NDArray
 
 from usdslf.color import USD_DEFAULT_SPACE, Color, color_of
 from usdslf.errors import InputError
+from usdslf.image_files import open_image
 from usdslf.scene import F32, Texture
-from usdslf.texels import EDGE, WRAPS, Texels, bilinear, st_of_format
-
-_RAW_PIXELS = {"oiio:UnassociatedAlpha": 1}  # rgb as stored, not multiplied by alpha
+from usdslf.texels import EDGE, WRAPS, Texels, bilinear, four_channels, st_of_format
+from usdslf.texture_store import Image, load_image, read_whole, say_damaged
 
 
 def why_unreadable(path: str) -> str:
     """Returns why an image cannot be opened, "" where it can."""
     try:
-        _open(path).close()
+        open_image(path).close()
     except OSError as e:
         return str(e)
     return ""
@@ -38,7 +34,7 @@ def why_unreadable(path: str) -> str:
 def wrap_modes(path: str) -> tuple[str, str]:
     """Returns the wrap modes (s, t) that a file's metadata asks for: black where it says nothing."""
     try:
-        image = _open(path)
+        image = open_image(path)
     except OSError:
         return "black", "black"
     modes = str(image.spec().get_string_attribute("wrapmodes")).replace("periodic", "repeat").split(",")
@@ -50,7 +46,7 @@ def wrap_modes(path: str) -> tuple[str, str]:
 def is_integer(path: str) -> bool:
     """Whether a file holds code values of 8 or 16 bits, which stand for 0..1."""
     try:
-        image = _open(path)
+        image = open_image(path)
     except OSError:
         return False
     found = image.spec().format in (oiio.UINT8, oiio.UINT16)
@@ -66,24 +62,25 @@ def files_of(texture: Texture) -> list[str]:
 def unreadable(texture: Texture, color: Color | None = None) -> list[tuple[str, str]]:
     """Returns the files of a texture that cannot be read, pixels included, each with the reason.
 
-    What can be read is kept, so that sampling finds it in memory.
+    What can be read is made ready for look-ups.  Of a large tiled file only the ends are read: a damaged
+    tile between them is found when it is looked up, said then, and has the fallback too.
     """
     color, found = color or color_of(), []
     for _, path in _files(texture):
         try:
-            _load(path, _stamp(path), texture.color_space, color)
+            load_image(path, texture.color_space, color)
         except OSError as e:
             found.append((path, str(e)))
     return found
 
 
-def load_texture(texture: Texture, color: Color | None = None) -> dict[int, Texels]:
+def load_texture(texture: Texture, color: Color | None = None) -> dict[int, Image]:
     """Returns the readable images of a texture by UDIM tile; a plain texture is {0: texels}."""
     color = color or color_of()
     found = {}
     for tile, path in _files(texture):
         try:
-            found[tile] = _load(path, _stamp(path), texture.color_space, color)
+            found[tile] = load_image(path, texture.color_space, color)
         except OSError:
             continue
     return found
@@ -95,29 +92,50 @@ def sample_texture(texture: Texture, st: ArrayLike, color: Color | None = None) 
     Wrap mode black is decided by the coordinate, without a rim of half a texel inside the picture, as
     path tracers do.  The fallback stands for an unreadable file, a missing tile and st that is nan.
     """
-    st = np.asarray(st, np.float64).reshape(-1, 2)
-    tiles = load_texture(texture, color)
+    st, color = np.asarray(st, np.float64).reshape(-1, 2), color or color_of()
     out = np.tile(np.asarray(texture.fallback, np.float32), (len(st), 1))
-    scale, bias = np.asarray(texture.scale, np.float32), np.asarray(texture.bias, np.float32)
-    if not tiles:
-        return out
     finite: NDArray[np.bool_] = np.asarray(np.isfinite(st).all(1))
-    if 0 in tiles:
-        ok = np.nonzero(finite)[0]
-        out[ok] = bilinear(tiles[0], st[ok], texture.wrap_s, texture.wrap_t) * scale + bias
+    files = dict(_files(texture))
+    if 0 in files:
+        _sample_file(out, np.nonzero(finite)[0], texture, files[0], st, (texture.wrap_s, texture.wrap_t), color)
         return out
     # A point on the upper edge of a tile whose neighbour is missing belongs to the tile.
     cell: NDArray[np.int64] = np.floor(np.where(finite[:, None], st, -1.0)).astype(np.int64)
     number = 1001 + cell[:, 0] + 10 * cell[:, 1]
     back: NDArray[np.int64] = np.floor(np.where(finite[:, None], st, -1.0) - EDGE).astype(np.int64)
-    missing = np.nonzero(~np.isin(number, list(tiles)))[0]
+    near = np.unique(np.concatenate([number, 1001 + back[:, 0] + 10 * back[:, 1]]))
+    there = [tile for tile in files if tile in near and _is_readable(files[tile], texture.color_space, color)]
+    missing = np.nonzero(~np.isin(number, there))[0]
     cell[missing] = back[missing]
     number = np.where((cell[:, 0] >= 0) & (cell[:, 0] < 10), 1001 + cell[:, 0] + 10 * cell[:, 1], 0)
-    for tile, texels in tiles.items():
-        ok = np.nonzero(number == tile)[0]
-        if len(ok):
-            out[ok] = bilinear(texels, st[ok] - cell[ok], "clamp", "clamp") * scale + bias
+    for tile in there:
+        at = np.nonzero(number == tile)[0]
+        if len(at):
+            _sample_file(out, at, texture, files[tile], st - cell, ("clamp", "clamp"), color)
     return out
+
+
+def _is_readable(path: str, color_space: str, color: Color) -> bool:
+    try:
+        load_image(path, color_space, color)
+    except OSError:
+        return False
+    return True
+
+
+def _sample_file(
+    out: F32, at: NDArray, texture: Texture, path: str, st: NDArray, wraps: tuple[str, str], color: Color
+) -> None:
+    """Writes the values of one file at st[at] into out[at]; the fallback stays where it cannot be read."""
+    try:
+        image = load_image(path, texture.color_space, color)
+    except OSError:
+        return  # said when the stage was read
+    scale, bias = np.asarray(texture.scale, np.float32), np.asarray(texture.bias, np.float32)
+    try:
+        out[at] = bilinear(image, st[at], *wraps) * scale + bias
+    except OSError as e:
+        say_damaged(path, str(e))
 
 
 def load_latlong(
@@ -136,16 +154,15 @@ def load_latlong(
     """
     color = color or color_of()
     try:
-        texels = _load(path, _stamp(path), color_space, color)
+        values = read_whole(path, color_space, color)
     except OSError as e:
         raise InputError(f"environment map {path} cannot be read, check the file: {e}") from None
-    height, width = texels.values.shape[:2]
+    height, width = values.shape[:2]
     if format in ("automatic", "latlong"):
-        y, x = np.indices((height, width)).reshape(2, -1)
-        return texels.at(y, x)[:, :3].reshape(height, width, 3)
+        return four_channels(values.reshape(-1, values.shape[2]))[:, :3].reshape(height, width, 3)
     rows = max(2, height // 2)
     st, inside = st_of_format(format, latlong_directions(rows, 2 * rows))
-    out = bilinear(texels, st, "clamp", "clamp")[:, :3] * inside[:, None]
+    out = bilinear(Texels(values), st, "clamp", "clamp")[:, :3] * inside[:, None]
     return out.reshape(rows, 2 * rows, 3).astype(np.float32)
 
 
@@ -165,11 +182,10 @@ def read_image(path: str | Path, color_space: str = "auto", color: Color | None 
         InputError: the file cannot be read, or the colour space is unknown.
     """
     try:
-        texels = _load(str(path), _stamp(str(path)), color_space, color or color_of())
+        values = read_whole(str(path), color_space, color or color_of())
     except OSError as e:
         raise InputError(f"image {path} cannot be read, check the file: {e}") from None
-    y, x = np.indices(texels.values.shape[:2]).reshape(2, -1)
-    return texels.at(y, x).reshape(*texels.values.shape[:2], 4)
+    return four_channels(values.reshape(-1, values.shape[2])).reshape(*values.shape[:2], 4)
 
 
 def write_image(
@@ -232,98 +248,9 @@ def write_image(
     return path
 
 
-# ---- loading ---------------------------------------------------------------------------------
+# ---- files -----------------------------------------------------------------------------------
 def _files(texture: Texture) -> tuple[tuple[int, str], ...]:
     """Returns (UDIM tile, file); a plain texture has tile 0."""
     if texture.tiles or "<UDIM>" in texture.path:
         return texture.tiles
     return ((0, texture.path),) if texture.path else ()
-
-
-def _stamp(path: str) -> int:
-    """Time of last change, so that a changed file is read again."""
-    try:
-        return os.stat(path.partition("[")[0] if path.endswith("]") else path).st_mtime_ns
-    except OSError:
-        return 0
-
-
-@lru_cache(maxsize=256)
-def _unpacked(package: str, inner: str, stamp: int) -> str:
-    """Returns a file that holds what lies inside a .usdz package."""
-    try:
-        with zipfile.ZipFile(package) as archive:
-            data = archive.read(inner)
-    except (KeyError, zipfile.BadZipFile) as e:
-        raise OSError(f"{inner} is not in {package}: {e}") from None
-    folder = tempfile.mkdtemp(prefix="usdslf_")
-    target = Path(folder) / Path(inner).name
-    target.write_bytes(data)
-    return str(target)
-
-
-def _open(path: str) -> oiio.ImageInput:
-    """Opens an image, or raises OSError with the reason."""
-    if path.endswith("]") and ".usdz[" in path:
-        package, _, inner = path[:-1].rpartition("[")
-        path = _unpacked(package, inner, _stamp(path))
-    if not os.path.isfile(path):
-        raise OSError("no such file")
-    config = oiio.ImageSpec()
-    for name, value in _RAW_PIXELS.items():
-        config.attribute(name, value)
-    image = oiio.ImageInput.open(path, config)
-    if image is None:
-        raise OSError(" ".join(str(oiio.geterror()).split()) or "unknown format")
-    return image
-
-
-@lru_cache(maxsize=512)
-def _load(path: str, stamp: int, color_space: str, color: Color) -> Texels:
-    """Reads an image; `stamp` is part of the key only."""
-    image = _open(path)
-    spec = image.spec()
-    eight = bool(spec.format == oiio.UINT8)
-    used = min(spec.nchannels, 4)
-    values = image.read_image(0, 0, 0, used, oiio.UINT8 if eight else oiio.FLOAT)
-    error = image.geterror() if values is None or image.has_error else ""
-    image.close()
-    if values is None or error:
-        raise OSError(" ".join(str(error).split()) or "the pixels cannot be read")
-    values = np.asarray(values).reshape(spec.height, spec.width, used)
-    space = _space_of(color_space, spec, eight)
-    if not color.knows(space):
-        raise OSError(f"its colour space {space!r} is unknown to {color.config_name}")
-    if eight:
-        if color.acts_per_channel(space) or used < 3:
-            return Texels(values, _table(space, used, color))
-        values = values.astype(np.float32) / np.float32(255)
-    if used >= 3:
-        values = color.to_working(values, space)
-    elif not color.is_data(space):
-        grey = color.to_working(np.repeat(values[..., :1], 3, -1), space)
-        values = np.concatenate([grey[..., :1], values[..., 1:]], -1)
-    fits_half = np.abs(values).max(initial=0.0) < 6e4
-    return Texels(values.astype(np.float16) if fits_half else values.astype(np.float32))
-
-
-def _space_of(color_space: str, spec: oiio.ImageSpec, eight: bool) -> str:
-    """Returns the space of pixels; auto as UsdPreviewSurface says: 8 bit colour is sRGB, the rest linear."""
-    if color_space not in ("auto", ""):
-        return color_space
-    if spec.nchannels < 3:
-        return "raw"
-    declared = spec.get_string_attribute("colorInteropID")
-    if declared and not eight:
-        return str(declared)
-    linear_8_bit = spec.get_string_attribute("oiio:ColorSpace") in ("linear", "lin_rec709_scene")
-    return "srgb_rec709_scene" if eight and not linear_8_bit else USD_DEFAULT_SPACE
-
-
-def _table(space: str, channels: int, color: Color) -> F32:
-    """Returns working-space values (256, channels) of all 8 bit codes; alpha is linear."""
-    code = np.arange(256, dtype=np.float32) / np.float32(255)
-    table = np.repeat(code[:, None], channels, 1)
-    colors = 1 if channels < 3 else 3
-    table[:, :colors] = color.to_working(np.repeat(code[:, None], 3, 1), space)[:, :colors]
-    return table

@@ -7,6 +7,7 @@ Coordinates are those of USD: st (0, 0) is the lower left corner of the picture,
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,24 +28,51 @@ class Texels:
     values: NDArray
     table: F32 | None = None
 
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """(H, W, C)."""
+        height, width, channels = self.values.shape
+        return height, width, channels
+
     def at(self, y: NDArray, x: NDArray) -> F32:
         """Returns texels (n, 4): grey is spread over rgb, a missing alpha is 1."""
         v = self.values[y, x]
         out = v.astype(np.float32) if self.table is None else self.table[v, np.arange(v.shape[-1])]
-        return _four_channels(out)
+        return four_channels(out)
+
+    def rows(self, top: int, bottom: int) -> F32:
+        """Returns texels (bottom - top, W, 4) of whole rows, as `at` does."""
+        y, x = np.indices((bottom - top, self.shape[1])).reshape(2, -1)
+        return self.at(y + top, x).reshape(bottom - top, self.shape[1], 4)
 
 
-def bilinear(texels: Texels, st: NDArray[np.float64], wrap_s: str, wrap_t: str) -> F32:
+class Lookup(Protocol):
+    """An image whose texels can be looked up."""
+
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """(H, W, C)."""
+        ...
+
+    def at(self, y: NDArray, x: NDArray) -> F32:
+        """Returns texels (n, 4)."""
+        ...
+
+
+def bilinear(texels: Lookup, st: NDArray[np.float64], wrap_s: str, wrap_t: str) -> F32:
     """Returns texels (n, 4) interpolated at st (n, 2)."""
     out: NDArray
-    height, width = texels.values.shape[:2]
+    height, width = texels.shape[:2]
     x0, x1, fx, in_s = _neighbours(st[:, 0], width, wrap_s)
     y0, y1, fy, in_t = _neighbours(1.0 - st[:, 1], height, wrap_t)
     if width == height == 1:
         out = texels.at(y0, x0)
     else:
-        upper = texels.at(y0, x0) * (1 - fx) + texels.at(y0, x1) * fx
-        lower = texels.at(y1, x0) * (1 - fx) + texels.at(y1, x1) * fx
+        # One look-up for all four, so that a tile is fetched once.
+        found = texels.at(np.concatenate([y0, y0, y1, y1]), np.concatenate([x0, x1, x0, x1]))
+        a, b, c, d = found.reshape(4, -1, 4)
+        upper = a * (1 - fx) + b * fx
+        lower = c * (1 - fx) + d * fx
         out = upper * (1 - fy) + lower * fy
     if not (in_s.all() and in_t.all()):
         out = out * (in_s & in_t)[:, None]
@@ -99,7 +127,7 @@ def st_of_format(format: str, d: NDArray[np.float64]) -> tuple[NDArray[np.float6
     return np.stack([(column + 0.5 + 0.5 * u) / 3, (row + 0.5 + 0.5 * v) / 4], -1), inside
 
 
-def _four_channels(v: F32) -> F32:
+def four_channels(v: F32) -> F32:
     """Returns (n, 4) of (n, 1..4): grey is spread over rgb, a missing alpha is 1."""
     count = v.shape[-1]
     if count == 4:

@@ -1,0 +1,174 @@
+"""Image files: opened, read in bands, laid out in tiles, by OpenImageIO.
+
+Files inside .usdz packages and tiled copies of large files lie in one folder of temporary files, which
+goes when the process ends (in $TMPDIR; a killed process leaves it).
+"""
+
+from __future__ import annotations
+
+import atexit
+import os
+import shutil
+import tempfile
+import threading
+import zipfile
+from collections.abc import Iterator
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+import OpenImageIO as oiio
+from numpy.typing import NDArray
+
+TILE = 64  # texels; side of the tiles that are read at a time
+_MAX_TILE = 512  # larger tiles of a file are as costly as none
+_RAW_PIXELS = {"oiio:UnassociatedAlpha": 1}  # rgb as stored, not multiplied by alpha
+_BAND = 4 * TILE  # rows
+
+
+def stamp_of(path: str) -> int:
+    """Time of last change, so that a changed file is read again."""
+    try:
+        return os.stat(path.partition("[")[0] if path.endswith("]") else path).st_mtime_ns
+    except OSError:
+        return 0
+
+
+def file_of(path: str) -> str:
+    """Returns a file on disk that holds an image, which may lie inside a package."""
+    if path.endswith("]") and ".usdz[" in path:
+        package, _, inner = path[:-1].rpartition("[")
+        return _unpacked(package, inner, stamp_of(path))
+    return path
+
+
+def open_image(path: str) -> oiio.ImageInput:
+    """Opens an image, or raises OSError with the reason."""
+    path = file_of(path)
+    if not os.path.isfile(path):
+        raise OSError("no such file")
+    config = oiio.ImageSpec()
+    for name, value in _RAW_PIXELS.items():
+        config.attribute(name, value)
+    image = oiio.ImageInput.open(path, config)
+    if image is None:
+        raise OSError(" ".join(str(oiio.geterror()).split()) or "unknown format")
+    return image
+
+
+def is_eight_bit(spec: oiio.ImageSpec) -> bool:
+    """Whether pixels are code values of 8 bits."""
+    return bool(spec.format == oiio.UINT8)
+
+
+def is_tiled(spec: oiio.ImageSpec) -> bool:
+    """Whether a small part of the image can be read without the rest."""
+    return 0 < spec.tile_width <= _MAX_TILE and 0 < spec.tile_height <= _MAX_TILE
+
+
+def bands(image: oiio.ImageInput, channels: int, format: str | None = None) -> Iterator[tuple[int, NDArray]]:
+    """Yields (first row, pixels (rows, W, channels)) from the top down: codes where they have 8 bits.
+
+    Args:
+        image: open.
+        channels: how many are read.
+        format: of OpenImageIO; None: 8 bit codes as they are, all else float.
+
+    Raises:
+        OSError: the pixels cannot be read.
+    """
+    spec = image.spec()
+    kind = format or ("uint8" if is_eight_bit(spec) else "float")
+    height = -(-_BAND // spec.tile_height) * spec.tile_height if spec.tile_height else _BAND
+    for top in range(0, spec.height, height):
+        rows = min(height, spec.height - top)
+        y0, y1 = spec.y + top, spec.y + top + rows
+        if spec.tile_width:
+            x0, x1 = spec.x, spec.x + spec.width
+            pixels = image.read_tiles(0, 0, x0, x1, y0, y1, spec.z, spec.z + 1, 0, channels, kind)
+        else:
+            pixels = image.read_scanlines(0, 0, y0, y1, spec.z, 0, channels, kind)
+        if pixels is None or image.has_error:
+            raise OSError(" ".join(str(image.geterror()).split()) or "the pixels cannot be read")
+        yield top, np.asarray(pixels).reshape(rows, spec.width, channels)
+
+
+def check_corners(image: oiio.ImageInput) -> None:
+    """Reads the first and the last tile of a tiled image: what was cut off while it was written shows.
+
+    Raises:
+        OSError: a tile cannot be read.
+    """
+    spec = image.spec()
+    across, down = (spec.width - 1) // spec.tile_width, (spec.height - 1) // spec.tile_height
+    for column, row in ((0, 0), (across, down)):
+        x, y = spec.x + column * spec.tile_width, spec.y + row * spec.tile_height
+        if image.read_tile(x, y, spec.z, "float") is None or image.has_error:
+            raise OSError(" ".join(str(image.geterror()).split()) or "its tiles cannot be read")
+
+
+def write_tiled_copy(image: oiio.ImageInput, channels: int) -> tuple[str, int]:
+    """Writes the pixels of an open image as they are into an uncompressed tiled file, a band at a time.
+
+    Returns:
+        The file and its size [bytes]; "" where the folder of temporary files is full.
+
+    Raises:
+        OSError: the image cannot be read.
+    """
+    spec = image.spec()
+    kind = str(spec.format)
+    is_code = kind in ("uint8", "uint16")
+    kind = kind if is_code or kind == "half" else "float"
+    handle, target = tempfile.mkstemp(".tif" if is_code else ".exr", "texture_", folder())
+    os.close(handle)
+    copy = oiio.ImageSpec(spec.width, spec.height, channels, kind)
+    copy.tile_width = copy.tile_height = TILE
+    copy.attribute("compression", "none")
+    copy.attribute("oiio:UnassociatedAlpha", 1)
+    output = oiio.ImageOutput.create(target)
+    done = output is not None and output.open(target, copy)
+    try:
+        for top, pixels in bands(image, channels, kind):
+            if output is not None and done:
+                done = output.write_tiles(0, spec.width, top, top + len(pixels), 0, 1, pixels)
+    except OSError:
+        Path(target).unlink(missing_ok=True)
+        raise
+    if output is None or not (output.close() and done):
+        Path(target).unlink(missing_ok=True)
+        return "", 0
+    return target, os.path.getsize(target)
+
+
+# ---- temporary files -------------------------------------------------------------------------
+_lock = threading.Lock()
+_folders: dict[int, str] = {}  # by process, since a fork must not remove its parent's
+
+
+def folder() -> str:
+    """Returns the folder of this process's temporary files."""
+    with _lock:
+        if os.getpid() not in _folders:
+            _folders[os.getpid()] = tempfile.mkdtemp(prefix="usdslf_")
+        return _folders[os.getpid()]
+
+
+@atexit.register
+def _remove_folder() -> None:
+    path = _folders.pop(os.getpid(), "")
+    if path:
+        shutil.rmtree(path, ignore_errors=True)
+
+
+@lru_cache(maxsize=256)
+def _unpacked(package: str, inner: str, stamp: int) -> str:
+    """Returns a file that holds what lies inside a .usdz package."""
+    try:
+        with zipfile.ZipFile(package) as archive:
+            data = archive.read(inner)
+    except (KeyError, zipfile.BadZipFile) as e:
+        raise OSError(f"{inner} is not in {package}: {e}") from None
+    target = Path(tempfile.mkdtemp(dir=folder())) / Path(inner).name
+    target.write_bytes(data)
+    return str(target)
