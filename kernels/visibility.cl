@@ -31,7 +31,7 @@ inline uint bin_of_lane(float x, float y, float z)
 }
 
 /* count             rays of this batch, elements in order, D each
- * first             element of the first ray
+ * ray               (n) element * D + bin of each
  * least             least cosine between a ray and the true normal, to which lower rays are lifted
  * triangle          (n) that was hit, -1 for none
  * u, v              (n) barycentrics of the hit
@@ -44,7 +44,7 @@ inline uint bin_of_lane(float x, float y, float z)
  * cells, entries, cell_count, near_elements, position: the tables
  * hit               (n) result: element << 10 | bin, ESCAPES, or BLOCKED
  */
-__kernel void pack_hits(const uint count, const uint first, const float least, __global const int *triangle,
+__kernel void pack_hits(const uint count, __global const uint *ray, const float least, __global const int *triangle,
                         __global const float *u, __global const float *v, __global const float *distance,
                         __global const float *bins, __global const float *start, __global const float *geometric_normal,
                         __global const float *frames, __global const float *face_normal, __global const uint *cells,
@@ -54,7 +54,7 @@ __kernel void pack_hits(const uint count, const uint first, const float least, _
     uint r = get_global_id(0);
     if (r >= count) return;
     int escapes = triangle[r] < 0;
-    size_t t = escapes ? 0 : triangle[r], i = first + r / D_BINS, d = r % D_BINS;
+    size_t t = escapes ? 0 : triangle[r], i = ray[r] / D_BINS, d = ray[r] % D_BINS;
 
     // The ray's direction w.
     __global const float *f = frames + 9 * i, *g = geometric_normal + 3 * i, *l = bins + 3 * d;

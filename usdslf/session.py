@@ -32,6 +32,7 @@ from usdslf.infer_indirect import infer_indirect
 from usdslf.light_field import LightField, require_memory
 from usdslf.light_set import LightSet, lights_or_default
 from usdslf.lights import static_light
+from usdslf.motion import move_elements, moved_meshes, retrace
 from usdslf.overview import overview_camera
 from usdslf.propagate import Weights
 from usdslf.reflectance import MODELS
@@ -333,6 +334,31 @@ class Session:
                 "lights": self.lights,
             }
             other.__dict__.update(shared)
+        return other
+
+    def at_frame(self, frame: float) -> Session:
+        """Returns a session on the shot at another frame; strokes are taken along and follow their anchors.
+
+        Elements keep their places on what moved, and visibility is traced again only where that can have changed it.
+        Where the frame has other meshes, all starts afresh, and that is said.
+        """
+        other = Session(
+            self.stage, frame, self.device, self.ocio, self.element_count, self.bounces, self.refine, self.model,
+            self._say, self.made is not None,
+        )  # fmt: skip
+        other.strokes = list(self.strokes)
+        moved = moved_meshes(self.scene, other.scene)
+        if moved is None:
+            other.warn(f"frame {frame:g} has other meshes or triangles: its elements are placed afresh")
+            return other
+        elements = refresh_reflectance(self.elements, self.scene, other.scene)
+        elements = move_elements(elements, other.scene, moved)
+        lookup = ElementLookup(other.scene, other.tracer, elements) if moved.any() else self.lookup
+        visibility = self.visibility
+        if moved.any():
+            with other._step("visibility"):
+                visibility = retrace(visibility, self.lookup, elements, lookup, other.tracer, self.device, moved)
+        other.__dict__.update(elements=elements, lookup=lookup, visibility=visibility)
         return other
 
     # ── results ────────────────────────────────────────────────────────────────────────────────

@@ -252,7 +252,20 @@ def trace_visibility(elements: Elements, lookup: ElementLookup, tracer: RayTrace
     """
     began = perf_counter()
     n = len(elements)
-    hit = np.empty((n, D), np.uint32)
+    hit = np.empty(n * D, np.uint32)
+    trace_bins(elements, lookup, tracer, device, hit, None)
+    return Visibility(hit.reshape(n, D), n * D, perf_counter() - began)
+
+
+def trace_bins(
+    elements: Elements, lookup: ElementLookup, tracer: RayTracer, device: Device, hit: NDArray, wanted: NDArray | None
+) -> None:
+    """Traces the rays of some bins and writes what they hit.
+
+    Args:
+        hit: (N * D,) links, written where `wanted` is true; wanted: (N, D), None for all.
+    """
+    n = len(elements)
     start = tracer.offset_points(elements.position, elements.geometric_normal, elements.triangle)
     bins = bin_directions().astype(np.float32)
     tables = lookup.upload(device)
@@ -261,19 +274,28 @@ def trace_visibility(elements: Elements, lookup: ElementLookup, tracer: RayTrace
     kernel = device.kernel("visibility", "pack_hits")
     packed_d = [device.empty((BATCH * D,), np.uint32) for _ in range(2)]
 
-    def trace(first: int) -> tuple[NDArray, ...]:
+    def trace(first: int) -> tuple[NDArray, tuple[NDArray, ...]]:
         rows = slice(first, min(first + BATCH, n))
         direction = outgoing_directions(elements, bins, rows)
         origin = np.broadcast_to(start[rows, None], direction.shape)
-        return tracer.intersect_columns(origin.reshape(-1, 3), direction.reshape(-1, 3))
+        rays = np.arange(first * D, rows.stop * D, dtype=np.uint32)
+        if wanted is None:
+            return rays, tracer.intersect_columns(origin.reshape(-1, 3), direction.reshape(-1, 3))
+        chosen = wanted[rows]
+        return rays[chosen.reshape(-1)], tracer.intersect_columns(
+            np.ascontiguousarray(origin[chosen]), np.ascontiguousarray(direction[chosen])
+        )
 
-    for turn, (first, columns) in enumerate(tracer.map_ahead(trace, range(0, n, BATCH))):
-        count = len(columns[0])
+    batches = range(0, n, BATCH)
+    if wanted is not None:
+        batches = [b for b in batches if wanted[b : b + BATCH].any()]  # type: ignore[assignment]
+    for turn, (_, (rays, columns)) in enumerate(tracer.map_ahead(trace, batches)):
+        count = len(rays)
         kernel(
             (BATCH * D,),  # always the same: a CPU compiles a kernel for each size
             None,
             np.uint32(count),
-            np.uint32(first),
+            device.upload(rays),
             np.float32(LEAST_COSINE),
             *(device.upload(x) for x in columns),
             bins_d,
@@ -288,8 +310,7 @@ def trace_visibility(elements: Elements, lookup: ElementLookup, tracer: RayTrace
             tables.position_d,
             packed_d[turn % 2],
         )
-        hit[first : first + BATCH] = device.download(packed_d[turn % 2])[:count].reshape(-1, D)
-    return Visibility(hit, n * D, perf_counter() - began)
+        hit[rays] = device.download(packed_d[turn % 2])[:count]
 
 
 def outgoing_directions(elements: Elements, bins: F32, rows: slice) -> F32:
