@@ -33,8 +33,8 @@ def nearness(step: Step, paths: int = 2048, depth: int = 8) -> list[Nearness]:
     for session in (step.before, step.after):
         stage = Usd.Stage.Open(session.scene.stage)
         tracer = Tracer(stage, "smith", max_depth=depth)
-        errors.append([_error(tracer, s, paths) for s in step.before.strokes])
-    return [Nearness(s.path, b, a) for s, b, a in zip(step.before.strokes, *errors)]
+        errors.append([_error(tracer, s, paths) for s in step.strokes])
+    return [Nearness(s.path, b, a) for s, b, a in zip(step.strokes, *errors)]
 
 
 def _error(tracer: Tracer, stroke: Stroke, paths: int) -> float:

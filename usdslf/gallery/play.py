@@ -135,7 +135,7 @@ class Play:
         write_json(folder / "report.json", report)
         pictures = self._pictures(folder, before, after, strokes) if self.has_pictures else ()
         lines = (*lines_of_report(report), *(f"said: {w}" for w in before.warnings))
-        step = Step(title, pictures, lines, report, tuple(answers), before, after, folder)
+        step = Step(title, pictures, lines, report, tuple(answers), tuple(strokes), before, after, folder)
         self.steps.append(step)
         if goes_on:
             self.session = after

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from usdslf.gallery.play import Play
     from usdslf.infer import Answer
     from usdslf.session import Session
+    from usdslf.strokes import Stroke
 
 Point = tuple[float, float]
 Rgb = tuple[float, float, float]
@@ -50,6 +51,7 @@ class Step:
     lines: tuple[str, ...]  # what was inferred
     report: dict[str, Any]
     answers: tuple[Answer, ...]
+    strokes: tuple[Stroke, ...]
     before: Session
     after: Session
     folder: Path  # of look.usda, strokes.usda, review.usda, report.json
