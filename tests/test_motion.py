@@ -84,7 +84,10 @@ def test_only_what_moved_moves(first: Session, path: Path) -> None:
     f = elements.frame
     np.testing.assert_allclose(f @ f.transpose(0, 2, 1), np.tile(np.eye(3), (len(f), 1, 1)), atol=1e-4)
     np.testing.assert_allclose(np.linalg.det(f), 1, atol=1e-4)
+    np.testing.assert_allclose(f[:, 2], elements.normal, atol=1e-5)
     assert moved_meshes(first.scene, replace(after, meshes=after.meshes[:-1])) is None
+    clear = tuple(replace(m, opacity=np.float32([0.2])) for m in after.materials)
+    assert moved_meshes(first.scene, replace(after, materials=clear)) is None
 
 
 def test_a_missed_ray_would_be_found(first: Session) -> None:

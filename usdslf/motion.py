@@ -23,14 +23,16 @@ from usdslf.directions import bin_directions
 from usdslf.element_lookup import NONE, ElementLookup
 from usdslf.elements import Elements
 from usdslf.gpu.device import Device
-from usdslf.scene import Scene
+from usdslf.scene import Material, Scene
 from usdslf.surface import evaluate_surface, is_opaque
 from usdslf.visibility import BLOCKED, RayTracer, Visibility, trace_bins, trace_visibility
 
 
 def moved_meshes(before: Scene, after: Scene) -> NDArray[np.bool_] | None:
-    """Returns which meshes (M,) are elsewhere or of another shape; None where meshes or their triangles differ."""
+    """Returns which meshes (M,) are elsewhere or of another shape; None where meshes, triangles or opacity differ."""
     if len(before.meshes) != len(after.meshes) or len(before.materials) != len(after.materials):
+        return None
+    if any(_opacity(a) != _opacity(b) for a, b in zip(before.materials, after.materials)):
         return None
     moved = np.zeros(len(after.meshes), bool)
     for i, (a, b) in enumerate(zip(before.meshes, after.meshes)):
@@ -41,6 +43,11 @@ def moved_meshes(before: Scene, after: Scene) -> NDArray[np.bool_] | None:
             np.array_equal(a.positions, b.positions) and np.array_equal(a.corner_normals, b.corner_normals)
         )
     return moved
+
+
+def _opacity(m: Material) -> tuple[str, float, str]:
+    """What says how far a material is seen through, for comparison."""
+    return repr(m.opacity), m.opacity_threshold, m.opacity_mode
 
 
 def move_elements(elements: Elements, after: Scene, moved: NDArray) -> Elements:

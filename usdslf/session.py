@@ -349,7 +349,7 @@ class Session:
         other.strokes = list(self.strokes)
         moved = moved_meshes(self.scene, other.scene)
         if moved is None:
-            other.warn(f"frame {frame:g} has other meshes or triangles: its elements are placed afresh")
+            other.warn(f"frame {frame:g} has other meshes, triangles or opacity: its elements are placed afresh")
             return other
         elements = refresh_reflectance(self.elements, self.scene, other.scene)
         elements = move_elements(elements, other.scene, moved)
