@@ -16,6 +16,7 @@ import usdslf
 from usdslf.nearest import nearest_on_triangles
 from usdslf.session import Session
 from usdslf.strokes import Stroke
+from usdslf.style_textures import lies_flat
 from usdslf.surface import evaluate_surface
 
 EYE = np.array([0.3, 2.2, 1.6])
@@ -149,6 +150,14 @@ def test_without_texture_coordinates_the_points_carry_it(tmp_path: Path) -> None
     np.testing.assert_allclose(got, gradient(places()), atol=0.05)
     session.author(tmp_path / "again.usda")
     assert Usd.Stage.Open(str(look)).GetAttributeAtPath("/World/floor.primvars:slf:diffuseColor").HasValue()
+
+
+def test_coordinates_without_area_are_none(session: Session) -> None:
+    scene = session.scene
+    every = np.arange(len(scene.triangles.mesh))
+    assert lies_flat(scene, every, "st")
+    collapsed = tuple(replace(m, uvs={k: 0 * v for k, v in m.uvs.items()}) for m in scene.meshes)
+    assert not lies_flat(replace(scene, meshes=collapsed), every, "st")
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])

@@ -87,11 +87,14 @@ def common_sets(scene: Scene, triangles: NDArray) -> list[str]:
 
 
 def lies_flat(scene: Scene, triangles: NDArray, uv_set: str) -> bool:
-    """Whether triangles lie within 0..1 of their texture coordinates, each beside the others."""
+    """Whether triangles lie within 0..1 of their texture coordinates, each beside the others and none without area."""
     uv = scene.corner_uvs(uv_set)[triangles].astype(np.float64)
     if not np.isfinite(uv).all() or uv.min() < -1e-3 or uv.max() > 1 + 1e-3:
         return False
     hits = np.zeros(GRID * GRID, np.int64)
     for points in texel_points(uv, GRID, GRID, "clamp", "clamp"):
         np.add.at(hits, points.y * GRID + points.x, 1)
-    return bool((hits > 1).sum() < OVERLAP * max((hits > 0).sum(), 1))
+    a, b = uv[:, 1] - uv[:, 0], uv[:, 2] - uv[:, 0]
+    area = scene.triangles.areas[triangles]
+    collapsed = area[np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]) < 1e-10].sum()
+    return bool(collapsed <= OVERLAP * area.sum() and (hits > 1).sum() < OVERLAP * max((hits > 0).sum(), 1))
