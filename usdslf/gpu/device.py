@@ -110,7 +110,12 @@ class Device:
             if (*key, function) not in self._kernels:
                 if key not in self._programs:
                     self._programs[key] = self._build(stem, constants)
-                self._kernels[(*key, function)] = Kernel(getattr(self._programs[key], function), self.queue)
+                try:
+                    made = getattr(self._programs[key], function)
+                except AttributeError:  # a driver's cache that another process was writing: not its entry again
+                    self._programs[key] = self._build(stem, {**constants, "BUILD": os.getpid()})
+                    made = getattr(self._programs[key], function)
+                self._kernels[(*key, function)] = Kernel(made, self.queue)
             return self._kernels[(*key, function)]
 
     def _build(self, stem: str, constants: dict[str, Any]) -> Any:
