@@ -11,7 +11,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import cached_property
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -19,15 +18,14 @@ from numpy.typing import NDArray
 
 import usdslf
 from usdslf.alike import painted_places, similarity_picture
-from usdslf.anchors import locate_stroke, painted_faces
-from usdslf.bake import Baked
-from usdslf.bake_change import bake_change
+from usdslf.answer_report import report_of
+from usdslf.changes import changes_of, restyled, with_varying
 from usdslf.color import Color, color_of
-from usdslf.edits import ByVertex, MaterialChange, Reflectance, inferred
+from usdslf.edits import MaterialChange
 from usdslf.elements import ElementLookup, Elements, refresh_reflectance, sample_elements
 from usdslf.errors import InputError, SolveError, StageError, StrokeError
 from usdslf.gpu.device import Device, open_device
-from usdslf.infer import Answer, alike_means, gather_strokes, infer_changes, residual_as_preview
+from usdslf.infer import Answer, Pool, gather_strokes, infer_changes, residual_as_preview
 from usdslf.infer_indirect import infer_indirect
 from usdslf.light_field import LightField, require_memory
 from usdslf.light_set import LightSet, lights_or_default
@@ -44,7 +42,6 @@ from usdslf.style_textures import with_textures
 from usdslf.stylize import (
     AMOUNT,
     RADIUS,
-    MaterialStyle,
     Stylized,
     check_numbers,
     check_surroundings,
@@ -113,7 +110,7 @@ class Session:
         self.answers: list[Answer] = []
         self.stylized: Stylized | None = None
         self._solved_with = ""  # norm and weights, where they are not the default
-        self._as_preview: list[float | None] = []  # residual of each answer by phong, as UsdPreviewSurface shows it
+        self.residual_as_preview: dict[Pool, float] = {}  # of answers by phong, as UsdPreviewSurface shows them
         self.edits: list[AuthoredEdit] = []
 
     # ── steps ──────────────────────────────────────────────────────────────────────────────────
@@ -246,7 +243,7 @@ class Session:
         as_it_was_d = field.outgoing_d.copy()
         lights = self.light_set
         said = [f"norm {norm}" if norm else "", options.in_words() if options else ""]
-        self._solved_with, self._as_preview = ", ".join(filter(None, said)), []
+        self._solved_with, self.residual_as_preview = ", ".join(filter(None, said)), {}
         try:
             with self._step("evidence"):
                 painted = gather_strokes(active, self.scene, self.tracer, field, lights, self.warnings)
@@ -261,7 +258,7 @@ class Session:
                         self._say("solve", (number + 1) / 4)
                 self.answers = direct
                 if self.model == "phong":
-                    self._as_preview = [residual_as_preview(a, painted, field) for a in direct]
+                    self.residual_as_preview = {a.pool: residual_as_preview(a, painted, field) for a in direct}
                 if any(p.stroke.mode == "indirect" for p in painted):
                     self.answers = direct + infer_indirect(
                         painted, self.scene, field, options, self.bounces, self.warnings, dict(choose or {}), direct
@@ -415,70 +412,9 @@ class Session:
     def changes(self, mode: str = "") -> list[MaterialChange]:
         """Returns what `solve` or `stylize` found as changes of materials; mode `new` is of painted gprims only."""
         if self.stylized is not None:
-            return [self._restyled(s) for s in self.stylized.styles if s.freed]
-        answers = [a for a in self.answers if a.chosen.freed]
-        changes = [self._change(a, mode) for a in answers]
-        if mode == "new":
-            return changes
-        return changes + [self._alike_change(a, m) for a in answers for m in a.pool.alike]
-
-    def _change(self, answer: Answer, mode: str) -> MaterialChange:
-        pool, scene = answer.pool, self.scene
+            return restyled(self.stylized.styles, self.scene)
         active = [s for s in self.strokes if s.active]
-        table = scene.triangles
-        shown = np.unique(table.mesh[table.material == pool.material])
-        targets = pool.targets or tuple(scene.meshes[m].path for m in shown)
-        faces: dict[str, tuple[int, ...]] = {}
-        if pool.scope == "stroke" or (mode == "new" and not pool.targets):
-            for i in pool.strokes:
-                found = painted_faces(scene, active[i], locate_stroke(scene, active[i]))
-                for gprim, painted in found.items():
-                    faces[gprim] = tuple(sorted({*faces.get(gprim, ()), *painted}))
-        if mode == "new" and not pool.targets:
-            targets, faces = tuple(p for p in targets if p in faces), {}
-        return MaterialChange(
-            material=scene.materials[pool.material],
-            scope=pool.scope,
-            targets=targets,
-            freed=answer.chosen.freed,
-            before=_reflectance(answer.before),
-            after=_reflectance(answer.after),
-            strokes=tuple(active[i].path for i in pool.strokes),
-            faces=faces,
-            map="multiply" if answer.chosen.is_tint else "auto",
-            residual_before=answer.residual_before,
-            residual_after=answer.residual_after,
-        )
-
-    def _alike_change(self, answer: Answer, material: int) -> MaterialChange:
-        """The change of a material that is similar to what an answer's strokes were painted on."""
-        scene, active = self.scene, [s for s in self.strokes if s.active]
-        shown = np.unique(scene.triangles.mesh[scene.triangles.material == material])
-        before, after = alike_means(answer, material, self.light_field)
-        return MaterialChange(
-            material=scene.materials[material],
-            scope="material",
-            targets=tuple(scene.meshes[m].path for m in shown),
-            freed=answer.chosen.freed,
-            before=_reflectance(before),
-            after=_reflectance(after),
-            strokes=tuple(active[i].path for i in answer.pool.strokes),
-            map="multiply" if answer.chosen.is_tint else "auto",
-        )
-
-    def _restyled(self, style: MaterialStyle) -> MaterialChange:
-        table = self.scene.triangles
-        shown = np.unique(table.mesh[table.material == style.material])
-        return MaterialChange(
-            material=self.scene.materials[style.material],
-            scope="material",
-            targets=tuple(self.scene.meshes[m].path for m in shown),
-            freed=style.freed,
-            before=_reflectance(style.before),
-            after=_reflectance(style.after),
-            residual_before=style.residual_before,
-            residual_after=style.residual_after,
-        )
+        return changes_of(self.answers, self.scene, active, self.light_field, mode)
 
     def author(
         self,
@@ -520,9 +456,9 @@ class Session:
     def _warn_of_phong(self) -> None:
         """Says what a look holds that was solved with phong, and how far off it is where that was measured."""
         off = [
-            f"{a.residual_after:.3f} becomes {x:.3f}"
-            for a, x in zip(self.answers, self._as_preview)
-            if x is not None and a.chosen.freed
+            f"{a.residual_after:.3f} becomes {self.residual_as_preview[a.pool]:.3f}"
+            for a in self.answers
+            if a.pool in self.residual_as_preview and a.chosen.freed
         ]
         measured = f"; the residual of {', '.join(off)}" if off else ""
         self.warn(
@@ -535,29 +471,13 @@ class Session:
     ) -> list[MaterialChange]:
         """Gives changes that vary over surfaces their textures beside the look, where they can have them."""
         s, folder = self.stylized, textures_folder(look)
-        if s is not None:
-            styles = [style for style in s.styles if style.freed]
-            return [
-                with_textures(c, style, s, self.scene, self.elements, folder, color, self.warnings)
-                for c, style in zip(changes, styles, strict=True)
-            ]
-        answers = [a for a in self.answers if a.chosen.freed]
-        varied = [self._varied(c, a, folder, color) for c, a in zip(changes, answers)]
-        return varied + changes[len(answers) :]  # what is alike changes by the mean
-
-    def _varied(self, change: MaterialChange, answer: Answer, folder: Path, color: Color) -> MaterialChange:
-        """The change with the texture of an answer that varies."""
-        if answer.varying is None:
-            return change
-        scene, material = self.scene, answer.pool.material
-        shown = np.array([m.path in change.targets for m in scene.meshes])[scene.triangles.mesh]
-        triangles = np.flatnonzero(shown & (scene.triangles.material == material))
-        found = bake_change(scene, material, triangles, answer.varying, folder, color, self.warnings)
-        return replace(
-            change,
-            baked={k: v for k, v in found.items() if isinstance(v, Baked)},
-            by_vertex={k: v for k, v in found.items() if isinstance(v, ByVertex)},
-        )
+        if s is None:
+            return with_varying(changes, self.answers, self.scene, folder, color, self.warnings)
+        styles = [style for style in s.styles if style.freed]
+        return [
+            with_textures(c, style, s, self.scene, self.elements, folder, color, self.warnings)
+            for c, style in zip(changes, styles, strict=True)
+        ]
 
     def _how(self) -> str:
         """How the look came about, for its provenance."""
@@ -571,124 +491,7 @@ class Session:
 
         Of a stylized shot, `stylize` says how, and `materials` what became of each.
         """
-        active = [s for s in self.strokes if s.active]
-        of_stroke: dict[int, list[Answer]] = {}
-        for a in self.answers:
-            for i in a.pool.strokes:
-                of_stroke.setdefault(i, []).append(a)
-        return {
-            "stage": self.scene.stage,
-            "frame": None if np.isnan(self.scene.frame) else self.scene.frame,
-            "device": self.device.name,
-            "elements": len(self.elements),
-            "directions": 1024,
-            "model": self.model,
-            **({} if self.stylized is None else self._style_report(self.stylized)),
-            "strokes": [self._stroke_report(s, *of_stroke[i]) for i, s in enumerate(active) if i in of_stroke],
-            "edits": [
-                {
-                    "prim": e.prim,
-                    "attribute": e.attribute,
-                    "before": e.before,
-                    "after": e.after,
-                    "representation": e.representation,
-                    "wins": e.wins,
-                    "hidden_by": e.hidden_by,
-                    "mend": e.mend,
-                    "affects": list(e.affects),
-                }
-                for e in self.edits
-            ],
-            "warnings": list(self.warnings),
-            "seconds": {k: round(v, 4) for k, v in self.seconds.items()},
-        }
-
-    def _style_report(self, s: Stylized) -> dict[str, Any]:
-        paths = {m: self.scene.materials[m].path for m in (style.material for style in s.styles)}
-        written = [e for e in self.edits if e.wins]
-        return {
-            "stylize": {"amount": s.amount, "radius": s.radius, "rounds": list(s.rounds)},
-            "materials": [
-                {
-                    "material": paths[style.material],
-                    "inferred": inferred(style.freed),
-                    "before": _plain(style.before),
-                    "after": _plain(style.after),
-                    "residual_before": style.residual_before,
-                    "residual_after": style.residual_after,
-                    "representation": sorted(
-                        {e.representation for e in written if e.prim.startswith(f"{paths[style.material]}/")}
-                    ),
-                }
-                for style in s.styles
-            ],
-        }
-
-    def _preview_report(self, answer: Answer) -> dict[str, float]:
-        """Of an answer by phong: its residual where UsdPreviewSurface shows it."""
-        known = [x for a, x in zip(self.answers, self._as_preview) if a is answer]
-        return {"residual_as_preview_surface": known[0]} if known and known[0] is not None else {}
-
-    def _stroke_report(self, stroke: Stroke, answer: Answer, *more: Answer) -> dict[str, Any]:
-        """The first answer is the stroke's own; an indirect one may change further materials."""
-        material = self.scene.materials[answer.pool.material]
-        t = answer.tables
-        found = {
-            "path": stroke.path,
-            "surface": stroke.surfaces[0] if stroke.surfaces else "",
-            "material": material.path,
-            "inferred": answer.chosen.id,
-            "before": _plain(answer.before),
-            "after": _plain(answer.after),
-            "residual_before": answer.residual_before,
-            "residual_after": answer.residual_after,
-            "rounds": list(answer.rounds),
-            **self._preview_report(answer),
-            "ambiguous": answer.is_ambiguous,
-            "varies": answer.varying is not None,
-            "alternatives": [
-                {
-                    "id": c.id,
-                    "cost": c.cost,
-                    "after": _plain(
-                        {
-                            "diffuse": c.diffuse_of(t.diffuse),
-                            "specular": c.f0_of(t.f0),
-                            "roughness": c.roughness_of(np.array([t.roughness])),
-                        }
-                    ),
-                }
-                for c in answer.candidates
-            ],
-        }
-        if answer.pool.alike:
-            means = [(m, *alike_means(answer, m, self.light_field)) for m in answer.pool.alike]
-            found["also"] = [
-                {
-                    "material": self.scene.materials[m].path,
-                    "inferred": answer.chosen.id,
-                    "before": _plain(before),
-                    "after": _plain(after),
-                }
-                for m, before, after in means
-            ]
-        if answer.note:
-            found["note"] = answer.note
-        if answer.others:
-            found["alternatives"] = [
-                {"id": o.id, "cost": o.cost, "materials": list(o.materials), "after": _plain(o.after)}
-                for o in sorted(answer.others, key=lambda o: (not o.is_chosen, o.cost))
-            ]
-            found["also"] = [
-                {
-                    "material": self.scene.materials[a.pool.material].path,
-                    "inferred": a.chosen.id,
-                    "before": _plain(a.before),
-                    "after": _plain(a.after),
-                }
-                for a in more
-            ]
-        return found
+        return report_of(self)
 
     def warn(self, *sentences: str) -> None:
         """Keeps warnings, each once."""
@@ -698,11 +501,3 @@ class Session:
 def open(stage: Any, **options: Any) -> Session:
     """Opens a shot; see `Session`."""
     return Session(stage, **options)
-
-
-def _plain(values: Mapping[str, NDArray]) -> dict[str, Any]:
-    return {k: v.tolist() if len(v) > 1 else float(v[0]) for k, v in values.items()}
-
-
-def _reflectance(values: Mapping[str, NDArray]) -> Reflectance:
-    return Reflectance(values["diffuse"], values["specular"], float(values["roughness"][0]))

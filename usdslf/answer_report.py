@@ -1,0 +1,134 @@
+"""Report: what was inferred and authored, as JSON-ready values (the report of `solve` and `stylize`)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usdslf.edits import inferred
+from usdslf.infer import Answer, alike_means
+from usdslf.strokes import Stroke
+from usdslf.stylize import Stylized
+
+if TYPE_CHECKING:
+    from usdslf.session import Session
+
+
+def report_of(session: Session) -> dict[str, Any]:
+    """Returns what a session inferred and authored last."""
+    s = session
+    active = [stroke for stroke in s.strokes if stroke.active]
+    of_stroke: dict[int, list[Answer]] = {}
+    for a in s.answers:
+        for i in a.pool.strokes:
+            of_stroke.setdefault(i, []).append(a)
+    return {
+        "stage": s.scene.stage,
+        "frame": None if np.isnan(s.scene.frame) else s.scene.frame,
+        "device": s.device.name,
+        "elements": len(s.elements),
+        "directions": 1024,
+        "model": s.model,
+        **({} if s.stylized is None else _of_style(s, s.stylized)),
+        "strokes": [_of_stroke(s, stroke, *of_stroke[i]) for i, stroke in enumerate(active) if i in of_stroke],
+        "edits": [
+            {
+                "prim": e.prim,
+                "attribute": e.attribute,
+                "before": e.before,
+                "after": e.after,
+                "representation": e.representation,
+                "wins": e.wins,
+                "hidden_by": e.hidden_by,
+                "mend": e.mend,
+                "affects": list(e.affects),
+            }
+            for e in s.edits
+        ],
+        "warnings": list(s.warnings),
+        "seconds": {k: round(v, 4) for k, v in s.seconds.items()},
+    }
+
+
+def _of_style(session: Session, s: Stylized) -> dict[str, Any]:
+    paths = {m: session.scene.materials[m].path for m in (style.material for style in s.styles)}
+    written = [e for e in session.edits if e.wins]
+    return {
+        "stylize": {"amount": s.amount, "radius": s.radius, "rounds": list(s.rounds)},
+        "materials": [
+            {
+                "material": paths[style.material],
+                "inferred": inferred(style.freed),
+                "before": _plain(style.before),
+                "after": _plain(style.after),
+                "residual_before": style.residual_before,
+                "residual_after": style.residual_after,
+                "representation": sorted(
+                    {e.representation for e in written if e.prim.startswith(f"{paths[style.material]}/")}
+                ),
+            }
+            for style in s.styles
+        ],
+    }
+
+
+def _of_stroke(session: Session, stroke: Stroke, answer: Answer, *more: Answer) -> dict[str, Any]:
+    """The first answer is the stroke's own; an indirect one may change further materials."""
+    materials = session.scene.materials
+    t = answer.tables
+    as_preview = session.residual_as_preview.get(answer.pool)
+    found = {
+        "path": stroke.path,
+        "surface": stroke.surfaces[0] if stroke.surfaces else "",
+        "material": materials[answer.pool.material].path,
+        "inferred": answer.chosen.id,
+        "before": _plain(answer.before),
+        "after": _plain(answer.after),
+        "residual_before": answer.residual_before,
+        "residual_after": answer.residual_after,
+        "rounds": list(answer.rounds),
+        **({} if as_preview is None else {"residual_as_preview_surface": as_preview}),
+        "ambiguous": answer.is_ambiguous,
+        "varies": answer.varying is not None,
+        "alternatives": [
+            {
+                "id": c.id,
+                "cost": c.cost,
+                "after": _plain(
+                    {
+                        "diffuse": c.diffuse_of(t.diffuse),
+                        "specular": c.f0_of(t.f0),
+                        "roughness": c.roughness_of(np.array([t.roughness])),
+                    }
+                ),
+            }
+            for c in answer.candidates
+        ],
+    }
+    also = [(m, answer, *alike_means(answer, m, session.light_field)) for m in answer.pool.alike]
+    if answer.note:
+        found["note"] = answer.note
+    if answer.others:
+        found["alternatives"] = [
+            {"id": o.id, "cost": o.cost, "materials": list(o.materials), "after": _plain(o.after)}
+            for o in sorted(answer.others, key=lambda o: (not o.is_chosen, o.cost))
+        ]
+        also += [(a.pool.material, a, a.before, a.after) for a in more]
+    if also or answer.others:
+        found["also"] = [
+            {
+                "material": materials[m].path,
+                "inferred": a.chosen.id,
+                "before": _plain(before),
+                "after": _plain(after),
+            }
+            for m, a, before, after in also
+        ]
+    return found
+
+
+def _plain(values: Mapping[str, NDArray]) -> dict[str, Any]:
+    return {k: v.tolist() if len(v) > 1 else float(v[0]) for k, v in values.items()}

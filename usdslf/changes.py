@@ -1,0 +1,147 @@
+"""Changes: what was solved or stylized -> the change of each material, with the textures of what varies.
+
+    changes_of(answers, scene, strokes, field, mode) -> list[MaterialChange]
+    restyled(styles, scene) -> list[MaterialChange]
+    with_varying(changes, answers, scene, folder, color, warnings) -> list[MaterialChange]
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usdslf.anchors import locate_stroke, painted_faces
+from usdslf.bake import Baked
+from usdslf.bake_change import bake_change
+from usdslf.color import Color
+from usdslf.edits import ByVertex, MaterialChange, Reflectance
+from usdslf.infer import Answer, alike_means
+from usdslf.light_field import LightField
+from usdslf.scene import Scene
+from usdslf.strokes import Stroke
+from usdslf.stylize import MaterialStyle
+
+
+def changes_of(
+    answers: Sequence[Answer], scene: Scene, strokes: Sequence[Stroke], field: LightField, mode: str = ""
+) -> list[MaterialChange]:
+    """Returns the changes of answers, in their order, then those of what is alike.
+
+    Args:
+        strokes: the active ones.
+        field: with the reflectance of before.
+        mode: `new` is of painted gprims only.
+    """
+    freed = [a for a in answers if a.chosen.freed]
+    changes = [_change(a, scene, strokes, mode) for a in freed]
+    if mode == "new":
+        return changes
+    return changes + [_alike_change(a, m, scene, strokes, field) for a in freed for m in a.pool.alike]
+
+
+def _change(answer: Answer, scene: Scene, strokes: Sequence[Stroke], mode: str) -> MaterialChange:
+    pool, table = answer.pool, scene.triangles
+    shown = np.unique(table.mesh[table.material == pool.material])
+    targets = pool.targets or tuple(scene.meshes[m].path for m in shown)
+    faces: dict[str, tuple[int, ...]] = {}
+    if pool.scope == "stroke" or (mode == "new" and not pool.targets):
+        for i in pool.strokes:
+            found = painted_faces(scene, strokes[i], locate_stroke(scene, strokes[i]))
+            for gprim, painted in found.items():
+                faces[gprim] = tuple(sorted({*faces.get(gprim, ()), *painted}))
+    if mode == "new" and not pool.targets:
+        targets, faces = tuple(p for p in targets if p in faces), {}
+    return MaterialChange(
+        material=scene.materials[pool.material],
+        scope=pool.scope,
+        targets=targets,
+        freed=answer.chosen.freed,
+        before=_reflectance(answer.before),
+        after=_reflectance(answer.after),
+        strokes=tuple(strokes[i].path for i in pool.strokes),
+        faces=faces,
+        map="multiply" if answer.chosen.is_tint else "auto",
+        residual_before=answer.residual_before,
+        residual_after=answer.residual_after,
+    )
+
+
+def _alike_change(
+    answer: Answer, material: int, scene: Scene, strokes: Sequence[Stroke], field: LightField
+) -> MaterialChange:
+    """The change of a material that is similar to what an answer's strokes were painted on."""
+    before, after = alike_means(answer, material, field)
+    return MaterialChange(
+        material=scene.materials[material],
+        scope="material",
+        targets=_shown_on(scene, material),
+        freed=answer.chosen.freed,
+        before=_reflectance(before),
+        after=_reflectance(after),
+        strokes=tuple(strokes[i].path for i in answer.pool.strokes),
+        map="multiply" if answer.chosen.is_tint else "auto",
+    )
+
+
+def restyled(styles: Sequence[MaterialStyle], scene: Scene) -> list[MaterialChange]:
+    """Returns the changes of stylized materials: of all that show them."""
+    return [
+        MaterialChange(
+            material=scene.materials[s.material],
+            scope="material",
+            targets=_shown_on(scene, s.material),
+            freed=s.freed,
+            before=_reflectance(s.before),
+            after=_reflectance(s.after),
+            residual_before=s.residual_before,
+            residual_after=s.residual_after,
+        )
+        for s in styles
+        if s.freed
+    ]
+
+
+def with_varying(
+    changes: list[MaterialChange], answers: Sequence[Answer], scene: Scene, folder: Path, color: Color,
+    warnings: list[str],
+) -> list[MaterialChange]:  # fmt: skip
+    """Gives changes that vary over surfaces their textures, where they can have them.
+
+    Args:
+        changes: of `changes_of(answers, ...)`.
+        folder: of the textures.
+        warnings: takes what cannot vary, and why.
+    """
+    freed = [a for a in answers if a.chosen.freed]
+    varied = [_varied(c, a, scene, folder, color, warnings) for c, a in zip(changes, freed)]
+    return varied + changes[len(freed) :]  # what is alike changes by the mean
+
+
+def _varied(
+    change: MaterialChange, answer: Answer, scene: Scene, folder: Path, color: Color, warnings: list[str]
+) -> MaterialChange:
+    if answer.varying is None:
+        return change
+    material = answer.pool.material
+    shown = np.array([m.path in change.targets for m in scene.meshes])[scene.triangles.mesh]
+    triangles = np.flatnonzero(shown & (scene.triangles.material == material))
+    found = bake_change(scene, material, triangles, answer.varying, folder, color, warnings)
+    return replace(
+        change,
+        baked={k: v for k, v in found.items() if isinstance(v, Baked)},
+        by_vertex={k: v for k, v in found.items() if isinstance(v, ByVertex)},
+    )
+
+
+def _shown_on(scene: Scene, material: int) -> tuple[str, ...]:
+    """Paths of the gprims that show a material."""
+    table = scene.triangles
+    return tuple(scene.meshes[m].path for m in np.unique(table.mesh[table.material == material]))
+
+
+def _reflectance(values: Mapping[str, NDArray]) -> Reflectance:
+    return Reflectance(values["diffuse"], values["specular"], float(values["roughness"][0]))
