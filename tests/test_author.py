@@ -313,17 +313,21 @@ def test_a_channel_is_split_inside_an_instance_too(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("interpolation", ["constant", "vertex", "faceVarying"])
-def test_a_primvar_is_mapped_on_the_gprim(tmp_path: Path, interpolation: str) -> None:
+@pytest.mark.parametrize("another_lacks_it", [False, True])
+def test_a_primvar_is_mapped_on_the_gprim(tmp_path: Path, interpolation: str, another_lacks_it: bool) -> None:
     stage = new_stage(tmp_path / "shot.usda")
     material = add_material(stage, "/World/mtl/tex")
     shader = UsdShade.Shader(stage.GetPrimAtPath("/World/mtl/tex/pbr"))
     reader = UsdShade.Shader.Define(stage, "/World/mtl/tex/reader")
     reader.CreateIdAttr("UsdPrimvarReader_float3")
     reader.CreateInput("varname", F.String).Set("displayColor")
+    reader.CreateInput("fallback", F.Float3).Set((0.4, 0.4, 0.4))
     output = reader.CreateOutput("result", F.Float3)
     shader.CreateInput("diffuseColor", F.Color3f).ConnectToSource(output)
     mesh = add_quads(stage, "/World/row")
     bind(mesh.GetPrim(), material)
+    if another_lacks_it:
+        bind(UsdGeom.Sphere.Define(stage, "/World/ball").GetPrim(), material)
     count = {"constant": 1, "vertex": 10, "faceVarying": 16}[interpolation]
     colors = np.linspace(0.1, 0.5, count * 3, dtype=np.float32).reshape(-1, 3)
     primvar = mesh.CreateDisplayColorPrimvar(interpolation)
@@ -343,6 +347,10 @@ def test_a_primvar_is_mapped_on_the_gprim(tmp_path: Path, interpolation: str) ->
     got = UsdGeom.PrimvarsAPI(review.GetPrimAtPath("/World/row")).GetPrimvar("slf:diffuseColor")
     assert got.GetInterpolation() == interpolation and len(got.ComputeFlattened()) == count
     assert_allclose(np.array(got.ComputeFlattened()).mean(0), mean * [0.5, 1, 0.25], atol=1e-6)
+    # The reader's fallback is an opinion only where it shows.
+    assert any(e.attribute == "inputs:fallback" for e in edits) == another_lacks_it
+    fallback = review.GetAttributeAtPath("/World/mtl/tex/reader.inputs:fallback").Get()
+    assert_allclose(fallback, (0.2, 0.4, 0.1) if another_lacks_it else (0.4,) * 3, atol=1e-6)
 
 
 def test_a_node_that_cannot_be_changed_is_said_and_left(tmp_path: Path) -> None:

@@ -352,13 +352,17 @@ class ChangeWriter:
         users = self.users if self.users is not None else users_of(self.look.stage, self.original)
         name = f"slf:{edit.input}"
         reader, fallback = map_primvar(self.shader, edit)
-        written = self._put(*fallback, "primvar")
+        gprims = {p.GetParent() if p.IsA(UsdGeom.Subset) else p for p in users}
+        found = {g: UsdGeom.PrimvarsAPI(g).FindPrimvarWithInheritance(edit.source) for g in gprims}
+        values_of = {g: p.Get() if p and p.HasValue() else None for g, p in found.items()}
+        # The fallback is what gprims without the primvar show, and nobody else.
+        lacks_it = not users or any(values is None for values in values_of.values())
+        written = self._put(*fallback, "primvar") if lacks_it else []
         path, kind, before = reader
-        for gprim in {p.GetParent() if p.IsA(UsdGeom.Subset) else p for p in users}:
-            primvar = UsdGeom.PrimvarsAPI(gprim).FindPrimvarWithInheritance(edit.source)
-            values = primvar.Get() if primvar and primvar.HasValue() else None
+        for gprim, values in values_of.items():
             if values is None:
                 continue
+            primvar = found[gprim]
             mapped = np.asarray(values) * np.array(edit.scale) + np.array(edit.bias)
             over = self.look.over(gprim.GetPath(), f"primvars:{name}")
             kept = type(values).FromNumpy(mapped.astype(np.float32))
