@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from usdslf.blue_noise import surface_coordinates
-from usdslf.directions import D
+from usdslf.directions import D, bin_directions
 from usdslf.element_fit import CHANGES, ElementFit, ElementFitter
 from usdslf.element_products import Products, take_products
 from usdslf.elements import Elements
@@ -115,24 +115,30 @@ def mask_light(field: LightField, near: Surroundings, amount: float) -> Any:
     """Returns the wanted light, a device array (N, D, 3): reflected light, unsharp masked over its surroundings."""
     device, n = field.device, len(field.elements)
     size = 4 * n * D * 4
-    device.require(7 * n * D * 4, f"stylizing {n} elements", size)
+    device.require(12 * n * D * 4, f"stylizing {n} elements", size)
     first_d, other_d, weight_d = (device.upload(x) for x in (near.first, near.other, near.weight))
-    shown_d, detail_d = device.empty((n, 4, D), np.float32), device.empty((n, 3, D), np.float32)
-    wanted_d = device.empty((n, D, 3), np.float32)
-    count = np.uint32(n)
+    groups, up64 = D // 16, -(-n // 64) * 64
+    shown_d, detail_d = device.empty((groups, n, 4, 16), np.float32), device.empty((groups, n, 3, 16), np.float32)
+    wanted_d, asked_d = device.empty((n, D, 3), np.float32), device.empty((groups, n), np.int32)
+    place_d, bins_d = device.empty((n, D), np.uint16), device.empty((n, D), np.int16)
     position_d = device.upload(np.ascontiguousarray(field.elements.position, np.float32))
-    light = (field.frames_d, field.emission_d, field.outgoing_d, field.hit_d, position_d)
-    radius = np.float32(near.radius)
-    for hidden in (0, 1):
-        for up in (np.int32(1), np.int32(-1)):
-            hiding = radius * np.float32(1 - hidden)
-            device.kernel("stylize", "show")((D, n), (64, 1), *light, hiding, up, count, shown_d)
+    directions_d = device.upload(bin_directions().astype(np.float32))
+    kernel = lambda name, *a: device.kernel("stylize", name)((D, n), (64, 1), *a)  # noqa: E731
+    light, links = (field.emission_d, field.outgoing_d), (field.hit_d, position_d, np.float32(near.radius))
+    count = np.uint32(n)
+    kernel("place_bins", field.frames_d, directions_d, *links, count, place_d)
+    for below in (0, 1):
+        half = (field.frames_d, directions_d, np.int32(1 - 2 * below))
+        kernel("turn_bins", *half, count, bins_d)
+        for hidden in (0, 1):
+            number = np.int32(below + 2 * hidden)
+            asked_d.fill(np.int32(0))
+            kernel("ask", place_d, number, count, asked_d)
+            kernel("show", bins_d, *half, *light, *links, np.int32(hidden), count, shown_d)
             device.kernel("stylize", "take_surroundings")(
-                (D // 16, n), (64, 1), first_d, other_d, weight_d, shown_d, count, detail_d
+                (up64, groups), (64, 1), first_d, other_d, weight_d, shown_d, asked_d, count, detail_d
             )
-            device.kernel("stylize", "add_detail")(
-                (D, n), (64, 1), *light, radius, up, count, detail_d, np.float32(amount), np.int32(hidden), wanted_d
-            )
+            kernel("add_detail", place_d, *light, number, count, detail_d, np.float32(amount), wanted_d)
     return wanted_d
 
 
