@@ -7,6 +7,7 @@ should be.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -78,6 +79,14 @@ def as_2f(values: NDArray) -> list[Gf.Vec2f]:
     return [Gf.Vec2f(float(u), float(v)) for u, v in values]
 
 
+def shader_of(b: StageBuilder, material: str = "floor") -> UsdShade.Shader:
+    return UsdShade.Shader(b.stage.GetPrimAtPath(f"/World/mtl/{material}/surface"))
+
+
+def floor_of(b: StageBuilder) -> UsdGeom.Mesh:
+    return UsdGeom.Mesh(b.stage.GetPrimAtPath("/World/floor"))
+
+
 # ---- what comes of it ---------------------------------------------------------------------------------------
 def painted(after: dict[str, Any] = AFTER) -> Stroke:
     """Dabs of the radiance that the floor would have."""
@@ -123,6 +132,22 @@ def picture(path: Path, camera: str | None = CAMERA, **options: Any) -> NDArray:
     """A small picture (18, 24, 3)."""
     session = usdslf.open(str(path), elements=200, bounces=2, **options)
     return session.render(camera, size=(24, 18), samples=4)["color"]
+
+
+def shown_alike(odd: Path, plain: Path) -> None:
+    """Two stages of the same triangles give the same picture, to the bit."""
+    np.testing.assert_array_equal(picture(odd), picture(plain))
+
+
+def warnings_of(path: Path, run: Callable[..., tuple[int, str, str]], *names: str) -> None:
+    """`info` and `render` end well, without a traceback, and one of their warnings holds all names."""
+    code, out, err = run("info", path)
+    assert (code, err) == (0, "")
+    assert any(all(n in line for n in names) for line in out.splitlines()), out
+    arguments = ("--size", "16x12", "--samples", "1", "--elements", "200", "--bounces", "1")
+    code, _, err = run("render", path, "-o", path.parent / "picture.exr", *arguments)
+    assert code == 0 and all(line.startswith("warning: ") for line in err.splitlines()), err
+    assert any(all(n in line for n in names) for line in err.splitlines()), err
 
 
 def corners(mesh: Mesh) -> NDArray:
