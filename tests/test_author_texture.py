@@ -18,7 +18,7 @@ from usdslf.errors import AuthorError
 from usdslf.images import write_image
 from usdslf.scene import Scene, Texture
 from usdslf.surface import evaluate_surface
-from usdslf.usd.author import textures_folder
+from usdslf.usd.baked_files import textures_folder
 from usdslf.usd.read import read_scene
 from usdslf.usd.validate import validate
 

@@ -12,9 +12,10 @@ from pxr import Usd, UsdGeom
 from stage_parts import StageBuilder, ball, rectangle
 
 import usdslf
+from usdslf.answers import Answer
 from usdslf.errors import StrokeError
 from usdslf.gpu.device import Device
-from usdslf.infer import Answer, gather_strokes
+from usdslf.infer import gather_strokes
 from usdslf.session import Session
 from usdslf.strokes import TOOLS, Stroke, paint_stroke
 from usdslf.tools import OPERATORS, Seen, apply_tool, offset_on_picture

@@ -7,93 +7,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from pxr import Gf, Usd, UsdGeom, UsdLux, UsdShade, Vt
-from reference import evidence as ref
-from reference.solve import radiance
-from stage_parts import StageBuilder, rectangle
+from pxr import Usd
+from varying_floor import gradient, places, seen, stroke, surface_at, write_floor
 
 import usdslf
-from usdslf.nearest import nearest_on_triangles
 from usdslf.session import Session
 from usdslf.strokes import Stroke
 from usdslf.style_textures import lies_flat
-from usdslf.surface import evaluate_surface
-
-EYE = np.array([0.3, 2.2, 1.6])
-LAMP, SIZE, POWER = np.array([-0.6, 1.6, 0.5]), (0.9, 0.7), np.array([6.0, 5.6, 5.0])
-ROUGHNESS, F0 = 0.6, 0.04
-LEFT, RIGHT = np.array([0.7, 0.12, 0.08]), np.array([0.08, 0.15, 0.6])
-
-
-def write_floor(folder: Path, points_on_a_side: int = 0) -> Path:
-    """A grey floor of 2 x 2 under a rect light that shines down: with texture coordinates, or points without."""
-    b = StageBuilder(folder)
-    look = b.material(
-        "floor", useSpecularWorkflow=1.0, diffuseColor=(0.4, 0.4, 0.4), specularColor=(F0,) * 3, roughness=ROUGHNESS
-    )
-    if points_on_a_side:
-        grid(b.stage, points_on_a_side, look)
-    else:
-        b.mesh("floor", rectangle((-1, 0, 1), (2, 0, 0), (0, 0, -2)), look)
-    light = UsdLux.RectLight.Define(b.stage, "/World/lamp")
-    light.CreateWidthAttr(SIZE[0])
-    light.CreateHeightAttr(SIZE[1])
-    light.CreateIntensityAttr(1.0)
-    light.CreateColorAttr(Gf.Vec3f(*POWER))
-    light.AddTranslateOp().Set(Gf.Vec3d(*LAMP))
-    light.AddRotateXOp().Set(-90.0)
-    b.camera(tuple(EYE), (0, 0, 0))
-    return b.save()
-
-
-def grid(stage: Usd.Stage, n: int, look: str) -> None:
-    """The floor as n x n points, turned and moved by its transform."""
-    mesh = UsdGeom.Mesh.Define(stage, "/World/floor")
-    u, v = (x.ravel() for x in np.meshgrid(np.linspace(-1, 1, n), np.linspace(-1, 1, n)))
-    mesh.CreatePointsAttr(Vt.Vec3fArray.FromNumpy(np.float32(np.stack([u, v - 3, 0 * u], 1))))
-    i = (np.arange(n - 1)[:, None] * n + np.arange(n - 1)).ravel()
-    mesh.CreateFaceVertexIndicesAttr(Vt.IntArray.FromNumpy(np.int32(np.stack([i, i + 1, i + n + 1, i + n], 1)).ravel()))
-    mesh.CreateFaceVertexCountsAttr(Vt.IntArray(len(i), 4))
-    mesh.CreateSubdivisionSchemeAttr("none")
-    mesh.AddRotateXOp().Set(-90.0)
-    mesh.AddTranslateOp().Set(Gf.Vec3d(0, 3, 0))
-    material = UsdShade.Material(stage.GetPrimAtPath(look))
-    UsdShade.MaterialBindingAPI.Apply(mesh.GetPrim()).Bind(material)
-
-
-def seen(points: np.ndarray, diffuse: np.ndarray) -> np.ndarray:
-    """Radiance (n, 3) of the floor from the eye with a diffuse colour of each point, by quadrature over the lamp."""
-    columns = []
-    for p in points:
-        u, v = (np.arange(48) + 0.5) / 48 - 0.5, (np.arange(48) + 0.5) / 48 - 0.5
-        offset = np.broadcast_arrays(u[:, None] * SIZE[0], 0 * u[:, None], v[None] * SIZE[1])
-        at = LAMP + np.stack(offset, -1).reshape(-1, 3)
-        way = at - p
-        far = np.linalg.norm(way, axis=1)
-        l = way / far[:, None]
-        solid = l[:, 1] / far**2 * SIZE[0] * SIZE[1] / 48**2
-        columns.append(ref.columns_of_light("preview_surface", ROUGHNESS, [0, 1, 0], EYE - p, l, solid))
-    return radiance("preview_surface", np.array(columns)[..., None] * POWER, diffuse, (F0,) * 3, (1, 1, 1))
-
-
-def places() -> np.ndarray:
-    x, z = np.meshgrid(np.linspace(-0.7, 0.7, 8), np.linspace(-0.4, 0.6, 4))
-    return np.stack([x.ravel(), 0 * x.ravel(), z.ravel()], 1)
-
-
-def gradient(points: np.ndarray) -> np.ndarray:
-    t = ((points[:, :1] + 0.7) / 1.4).clip(0, 1)
-    return LEFT * (1 - t) + RIGHT * t
-
-
-def stroke(colors: np.ndarray, **more: object) -> Stroke:
-    p = places()
-    twice = lambda x: np.repeat(np.float32(x), 2, 0)  # noqa: E731
-    n = len(p)
-    return Stroke(
-        "stroke_0001", twice(p), np.full(2 * n, 0.06, np.float32), twice(colors), np.tile(np.float32(EYE), (2 * n, 1)),
-        curve_counts=(2,) * n, **more,
-    )  # fmt: skip
 
 
 @pytest.fixture(scope="module")
@@ -115,20 +35,8 @@ def test_a_gradient_varies_and_its_texture_reads_back_as_painted(session: Sessio
     (file, *_) = [e for e in session.author(look) if e.attribute == "inputs:file"]
     assert file.representation == "texture" and all(e.wins for e in session.edits)
     other = session.edited(look)
-    t = other.scene.triangles
-    p = places()
-    # each point of the plane lies in one of its triangles
-    corner = t.positions.astype(float)
-    for q, wanted in zip(p, gradient(p)):
-        for i in range(len(corner)):
-            a, b, c = corner[i]
-            uv = np.linalg.lstsq(np.stack([b - a, c - a], 1), q - a, rcond=None)[0]
-            if uv.min() >= -1e-9 and uv.sum() <= 1 + 1e-9:
-                got = evaluate_surface(other.scene, np.array([i]), np.float32(uv[None])).diffuse[0]
-                np.testing.assert_allclose(got, wanted, atol=0.05)
-                break
-        else:
-            pytest.fail("a dab is off the plane")
+    got = surface_at(other.scene, places()).diffuse
+    np.testing.assert_allclose(got, gradient(places()), atol=0.05)
     # the shot itself is as it was, and a second time gives the same bytes
     files = sorted((tmp_path / "look.textures").iterdir())
     before = [f.read_bytes() for f in [look, *files]]
@@ -144,10 +52,7 @@ def test_without_texture_coordinates_the_points_carry_it(tmp_path: Path) -> None
     (edit,) = session.author(look)
     assert (edit.representation, edit.attribute, edit.wins) == ("primvar", "primvars:slf:diffuseColor", True)
     other = session.edited(look)
-    t = other.scene.triangles
-    near = nearest_on_triangles(t.positions, places())
-    got = evaluate_surface(other.scene, near.triangle.astype(np.int32), near.barycentric.astype(np.float32)).diffuse
-    np.testing.assert_allclose(got, gradient(places()), atol=0.05)
+    np.testing.assert_allclose(surface_at(other.scene, places()).diffuse, gradient(places()), atol=0.05)
     session.author(tmp_path / "again.usda")
     assert Usd.Stage.Open(str(look)).GetAttributeAtPath("/World/floor.primvars:slf:diffuseColor").HasValue()
 

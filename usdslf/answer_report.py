@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from usdslf.answers import Answer, alike_means
 from usdslf.edits import inferred
-from usdslf.infer import Answer, alike_means
 from usdslf.strokes import Stroke
 from usdslf.stylize import Stylized
 
@@ -80,6 +80,7 @@ def _of_stroke(session: Session, stroke: Stroke, answer: Answer, *more: Answer) 
     materials = session.scene.materials
     t = answer.tables
     as_preview = session.residual_as_preview.get(answer.pool)
+    as_written = session.residual_as_written.get(answer.pool)
     found = {
         "path": stroke.path,
         "surface": stroke.surfaces[0] if stroke.surfaces else "",
@@ -91,6 +92,7 @@ def _of_stroke(session: Session, stroke: Stroke, answer: Answer, *more: Answer) 
         "residual_after": answer.residual_after,
         "rounds": list(answer.rounds),
         **({} if as_preview is None else {"residual_as_preview_surface": as_preview}),
+        **({} if as_written is None else {"residual_as_written": as_written}),
         "ambiguous": answer.is_ambiguous,
         "varies": answer.varying is not None,
         "alternatives": [

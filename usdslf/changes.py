@@ -15,11 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdslf.anchors import locate_stroke, painted_faces
+from usdslf.answers import Answer, alike_means
 from usdslf.bake import Baked
-from usdslf.bake_change import bake_change
+from usdslf.carriers import carrier_of, carry
 from usdslf.color import Color
-from usdslf.edits import ByVertex, MaterialChange, Reflectance
-from usdslf.infer import Answer, alike_means
+from usdslf.edits import MaterialChange, Reflectance
 from usdslf.light_field import LightField
 from usdslf.scene import Scene
 from usdslf.strokes import Stroke
@@ -109,12 +109,12 @@ def with_varying(
     changes: list[MaterialChange], answers: Sequence[Answer], scene: Scene, folder: Path, color: Color,
     warnings: list[str],
 ) -> list[MaterialChange]:  # fmt: skip
-    """Gives changes that vary over surfaces their textures, where they can have them.
+    """Gives changes that vary over surfaces their textures, or values at points.
 
     Args:
         changes: of `changes_of(answers, ...)`.
         folder: of the textures.
-        warnings: takes what cannot vary, and why.
+        warnings: takes what is odd about the textures.
     """
     freed = [a for a in answers if a.chosen.freed]
     varied = [_varied(c, a, scene, folder, color, warnings) for c, a in zip(changes, freed)]
@@ -127,14 +127,11 @@ def _varied(
     if answer.varying is None:
         return change
     material = answer.pool.material
-    shown = np.array([m.path in change.targets for m in scene.meshes])[scene.triangles.mesh]
-    triangles = np.flatnonzero(shown & (scene.triangles.material == material))
-    found = bake_change(scene, material, triangles, answer.varying, folder, color, warnings)
-    return replace(
-        change,
-        baked={k: v for k, v in found.items() if isinstance(v, Baked)},
-        by_vertex={k: v for k, v in found.items() if isinstance(v, ByVertex)},
-    )
+    carrier = carrier_of(scene, material, change.targets, answer.varying)
+    found = carry(scene, material, carrier, answer.varying, folder, color, warnings)
+    if isinstance(found, Baked):
+        return replace(change, baked={carrier.input: found})
+    return replace(change, by_vertex={carrier.input: found})
 
 
 def _shown_on(scene: Scene, material: int) -> tuple[str, ...]:

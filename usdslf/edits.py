@@ -148,8 +148,22 @@ def material_change_to_input_edits(change: MaterialChange) -> list[InputEdit]:
         if _is_driven(m.roughness):  # texels below the least roughness show as it: most of them are zero
             rough = np.where(rough <= MIN_ROUGHNESS * 1.0001, 0.0, rough)
         edits += _edit(change, "roughness", m.roughness, rough, np.clip(wanted.roughness, 0, 1))
-    plain = [e for e in edits if e.input not in change.baked and e.input not in change.by_vertex]
-    return plain + _baked_edits(change) + _vertex_edits(change)
+    return _beside_varying(change, edits) + _baked_edits(change) + _vertex_edits(change)
+
+
+def _beside_varying(change: MaterialChange, edits: list[InputEdit]) -> list[InputEdit]:
+    """The edits of inputs that do not vary, without what says the mean of a specular change that does."""
+    varies = {*change.baked, *change.by_vertex}
+    kept = [e for e in edits if e.input not in varies]
+    m = change.material
+    if not {"ior", "specularColor"} & varies or m.use_specular_workflow:
+        return kept
+    says_mean = {"ior", "metallic", "useSpecularWorkflow", "specularColor"}
+    says_mean |= set() if "diffuse" in change.freed else {"diffuseColor"}
+    kept = [e for e in kept if e.input not in says_mean]
+    if "specularColor" in varies:
+        kept.append(InputEdit(m.path, "useSpecularWorkflow", 0, 1, "constant"))
+    return kept
 
 
 def _vertex_edits(change: MaterialChange) -> list[InputEdit]:

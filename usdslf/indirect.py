@@ -25,7 +25,7 @@ from usdslf.scene import Scene
 from usdslf.solve import Tables
 
 if TYPE_CHECKING:
-    from usdslf.infer import Painted
+    from usdslf.answers import Painted
 
 F64 = NDArray[np.float64]
 Seen = Callable[[NDArray, NDArray], F64]  # weights (r, 4, 3) and roughness (r,) -> what the dabs see of it (n, 3)
@@ -154,10 +154,12 @@ def receiver_tables(
     stroke = np.where(held, len(receivers) + np.arange(len(number)), number)
     flat = np.concatenate([np.full(len(r.target), r.is_flat) for r in receivers])
     none = np.zeros((0, j, 3))
+    all_means = np.concatenate([levels, [mean_rough]])
     tables = Tables(
         target, np.abs(target) + 0.1 * mean[:, None] + 1e-6, np.concatenate([r.place for r in receivers]), stroke, flat,
         base[:, None] + p, spread(u), v, spread(w), spread(tint_u), spread(tint_w),
-        (none, none, none, none, np.zeros((0, 3))), (none, none, none, none), np.concatenate([levels, [mean_rough]]),
+        (none, none, none, none, np.zeros((0, 3))), (none, none, none, none),
+        np.broadcast_to(all_means, (len(target), j)), all_means,
         d.mean(0).astype(np.float64), f0.mean(0).astype(np.float64), mean_rough, is_metal,
         bool(d.std(0).max() > 5e-3),
     )  # fmt: skip

@@ -10,26 +10,28 @@ Source: Nguyen et al. 2013, 5.3 (n-bounce) and Listing 1.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from usdslf.alike import alike_materials
+from usdslf.answers import Answer, Painted, Pool, changed_surface, means_of, scope_rows
+from usdslf.carriers import carrier_of
 from usdslf.errors import SolveError, StrokeError
-from usdslf.evidence import Evidence, Samples, build_evidence, evaluate_columns, gather_samples, mean_by
-from usdslf.light_field import LightField, Surface
+from usdslf.evidence import Evidence, Samples, evaluate_columns, gather_samples
+from usdslf.light_field import LightField
 from usdslf.light_set import LightSet
-from usdslf.propagate import Places, Weights, reach_of
+from usdslf.propagate import Weights, reach_of
 from usdslf.reach import dimming, error_of, explains_nothing, seems_too_bright
 from usdslf.reflectance import gloss_levels
+from usdslf.residuals import varying_residual
 from usdslf.scene import Scene
 from usdslf.solve import (
     Candidate,
     Options,
     Tables,
-    bilinear,
     enumerate_candidates,
     hold_energy,
     pool_tables,
@@ -40,7 +42,7 @@ from usdslf.solve import (
 )
 from usdslf.strokes import Stroke
 from usdslf.tools import asks_for_nothing, expected_error, wanted_radiance
-from usdslf.varying import Varying, as_candidate, best_varying, places_of_dabs, refit_varying, varying_error
+from usdslf.varying import Varying, as_candidate, places_of_dabs, refit_varying, varying_answers
 
 if TYPE_CHECKING:
     from usdslf.visibility import RayTracer
@@ -48,72 +50,6 @@ if TYPE_CHECKING:
 CONVERGED = 0.01  # relative change of the painted residual between rounds
 ROUNDS = 4  # n_b of the paper
 FINE_LEVELS = 9  # between the neighbours of the chosen level
-AMBIGUOUS = 4.0  # cost between two explanations that is no difference
-
-
-@dataclass(frozen=True)
-class Pool:
-    """What is asked together: one material in one scope."""
-
-    material: int
-    scope: str  # material | prim | stroke
-    targets: tuple[str, ...]  # gprims of the scope; () for the whole material
-    strokes: tuple[int, ...]  # into the strokes that were read
-    is_held: bool = False  # asks for no change: a fixate stroke, or a strength of zero
-    alike: tuple[int, ...] = ()  # materials that change by the same delta: what is similar to the painted places
-
-
-@dataclass(frozen=True)
-class Alternative:
-    """One of the explanations of an indirect stroke."""
-
-    id: str  # "specular+glossiness of /World/mtl/ring"
-    cost: float
-    materials: tuple[str, ...]  # paths of what would change
-    after: dict[str, NDArray]  # of the first of them, as in Answer; empty where nothing would change
-    is_chosen: bool
-    is_tie: bool  # explains it about as well as the chosen one, by another change
-
-
-@dataclass(frozen=True)
-class Answer:
-    """What was inferred for one pool."""
-
-    pool: Pool
-    chosen: Candidate
-    candidates: tuple[Candidate, ...]  # cheapest first
-    tables: Tables  # at the last round
-    before: dict[str, NDArray]  # diffuse (3,), specular (3,), roughness (1,): means over the painted area
-    after: dict[str, NDArray]
-    residual_before: float
-    residual_after: float
-    rounds: tuple[float, ...]  # residual after each round of bounces
-    is_too_bright: bool = False  # so it seems before the light went round
-    others: tuple[Alternative, ...] = ()  # of an indirect stroke: explanations by all materials in sight
-    note: str = ""  # of an indirect stroke: how well its radiance is met, or why it cannot be
-    varying: Varying | None = None  # where the change varies over the surface; `chosen` holds its mean
-
-    @property
-    def is_ambiguous(self) -> bool:
-        """Whether another explanation costs about the same."""
-        if self.others:
-            return any(a.is_tie for a in self.others)
-        others = [c.cost for c in self.candidates if c.id != self.chosen.id]
-        return bool(others) and min(others) - self.chosen.cost < AMBIGUOUS
-
-
-@dataclass
-class Painted:
-    """A stroke with its samples: what stays from round to round."""
-
-    stroke: Stroke
-    samples: Samples
-    rows: NDArray  # of the stroke, per dab
-    wanted: NDArray | None = None  # (n, 3) what its tool asks of the light before any edit; None: its colours
-
-    def evidence(self, field: LightField) -> Evidence:
-        """The evidence under the light of now."""
-        return build_evidence(self.stroke, self.rows, self.samples, field, self.wanted)
 
 
 def gather_strokes(
@@ -162,20 +98,20 @@ def infer_changes(
     pools = _pools(evidence, scene)
     if not pools:
         raise SolveError("no stroke lies on a material; paint on a surface of the shot")
-    answers = [_first_answer(p, evidence, painted, field, options, choose) for p in pools]
+    answers = [_first_answer(p, evidence, painted, field, scene, options, choose, said) for p in pools]
     factors = _out_of_reach(answers, painted, field, scene, bounces, said)
     if factors:
         dimmed = [replace(p, wanted=factors.get(i, 1.0) * e.target) for i, (p, e) in enumerate(zip(painted, evidence))]
         painted = [dimmed[i] if i in factors else p for i, p in enumerate(painted)]
         evidence = [p.evidence(field) for p in painted]
-        answers = [_first_answer(p, evidence, painted, field, options, choose) for p in pools]
+        answers = [_first_answer(p, evidence, painted, field, scene, options, choose, said) for p in pools]
     answers = [_or_nothing(a, painted, choose, said) for a in answers]
     answers = [_with_alike(a, answers, evidence, painted, field, scene, similarity) for a in answers]
     kept: list[Answer] | None = None
     kept_surface = original
     at, step, share = np.zeros_like(_changes(answers)), _changes(answers), 1.0
     for number in range(ROUNDS):
-        field.set_surface(_changed_surface(original, field, scene, answers, painted))
+        field.set_surface(changed_surface(original, field, scene, answers, painted))
         for _ in field.converge(bounces):
             pass
         evidence = [p.evidence(field) for p in painted]
@@ -296,7 +232,9 @@ def _with_changes(answer: Answer, change: NDArray) -> Answer:
     before, after = means_of(t, chosen)
     varying = answer.varying
     if varying:
-        varying = varying.moved(chosen.delta_diffuse if varying.parameter == "diffuse" else chosen.delta_f0)
+        shift = np.array([chosen.roughness_shift])
+        of = {"diffuse": chosen.delta_diffuse, "specular": chosen.delta_f0, "glossiness": shift}
+        varying = varying.moved(of[varying.parameter])
     return replace(answer, chosen=chosen, before=before, after=after, varying=varying)
 
 
@@ -340,8 +278,9 @@ def fixed_materials(evidence: list[Evidence]) -> dict[int, str]:
 
 
 def _first_answer(
-    pool: Pool, evidence: list[Evidence], painted: list[Painted], field: LightField, options: Options, choose: dict
-) -> Answer:
+    pool: Pool, evidence: list[Evidence], painted: list[Painted], field: LightField, scene: Scene, options: Options,
+    choose: dict[str, str], said: list[str],
+) -> Answer:  # fmt: skip
     mine = [evidence[i] for i in pool.strokes]
     tables = pool_tables(mine, pool.material, field.model)
     norms = {e.stroke.norm for e in mine} - {"mixed"}
@@ -361,10 +300,7 @@ def _first_answer(
         chosen = same[0]
     varying = None
     if not (wanted or pool.is_held) and options.norm == "mixed":
-        brush = float(np.mean([e.stroke.widths.mean() for e in mine]))
-        found = best_varying(tables, options, whiten(tables, options), places_of_dabs(mine, pool.material), brush)
-        if found and found[0].cost < chosen.cost:
-            chosen, varying = found
+        chosen, varying = _varying_or(chosen, pool, tables, options, mine, scene, said)
     none = next((c for c in candidates if c.id == "none"), Candidate(()))
     before = relative_error(tables, replace(none, level=tables.own))
     start = Answer(
@@ -372,6 +308,30 @@ def _first_answer(
         varying is None and seems_too_bright(tables, candidates), varying=varying,
     )  # fmt: skip
     return _refit(start, evidence, painted, field, options)
+
+
+def _varying_or(
+    constant: Candidate, pool: Pool, tables: Tables, options: Options, mine: list[Evidence], scene: Scene,
+    said: list[str],
+) -> tuple[Candidate, Varying | None]:  # fmt: skip
+    """The cheapest answer that varies and can be stored, where it is cheaper than the constant one."""
+    brush = float(np.mean([e.stroke.widths.mean() for e in mine]))
+    places = places_of_dabs(mine, pool.material)
+    white = whiten(tables, options)
+    why: dict[str, None] = {}
+    for c, v in varying_answers(tables, options, white, places, brush, pool.scope == "stroke"):
+        if c.cost >= constant.cost:
+            break
+        carrier = carrier_of(scene, pool.material, pool.targets, v)
+        if not carrier.why_not:
+            return c, v
+        why[f"a varying {v.parameter}: {carrier.why_not}"] = None
+    if why:
+        said.append(
+            f"{', '.join(e.stroke.path for e in mine)}: the strokes ask for a change that varies over "
+            f"{scene.materials[pool.material].path}, which cannot be stored ({'; '.join(why)}); it is constant"
+        )
+    return constant, None
 
 
 def _refit(
@@ -419,7 +379,7 @@ def _after_bounce(
     mine = [evidence[i] for i in answer.pool.strokes]
     chosen = answer.chosen
     if answer.varying:
-        error = varying_error(pool_tables(mine, answer.pool.material, field.model), answer.varying)
+        error = varying_residual(answer, answer.varying, painted, field)
         return replace(answer, residual_after=error, rounds=(*answer.rounds, error))
     if "glossiness" in chosen.freed:
         mine = [
@@ -439,107 +399,3 @@ def _at_shift(e: Evidence, samples: Samples, field: LightField, shift: float) ->
     levels = np.stack([np.clip(own + shift, 0.001, 1), own], 1)
     pad = np.repeat(e.background[:, -1:], 2, 1)
     return replace(e, levels=levels, columns=evaluate_columns(samples, field, levels), background=pad)
-
-
-def residual_as_preview(answer: Answer, painted: list[Painted], field: LightField) -> float:
-    """Returns the residual of an answer by phong where UsdPreviewSurface reflects the same light with its parameters.
-
-    That is what a look layer holds: d = k_d, F0 = k_s, and the roughness whose GGX lobe is as wide.
-    """
-    t, c = answer.tables, answer.chosen
-    seen = []
-    for i in answer.pool.strokes:
-        p = painted[i]
-        s, own = p.samples.surface, p.samples.surface.roughness.astype(np.float64)
-        shifted = c.roughness_of(own) if c.freed else own
-        columns = evaluate_columns(p.samples, field, shifted[:, None], "preview_surface")
-        d, f0, f90 = (x.astype(np.float64) for x in (s.diffuse, s.f0, s.f90))
-        new = c.f0_of(f0)
-        f90 = np.where(np.abs(f90 - f0).max(1, keepdims=True) < 2e-3, new, f90)
-        radiance = bilinear(columns, c.diffuse_of(d), new, f90, False, "preview_surface")[0][:, 0] + s.emission
-        count = int(p.samples.dab.max()) + 1
-        material = np.array([s.material[p.samples.dab == k][0] for k in range(count)])
-        here = np.flatnonzero(material == answer.pool.material)
-        seen.append(mean_by(radiance, p.samples.dab)[here[here < len(p.rows)]])
-    return float(np.sqrt(np.mean(((np.concatenate(seen) - t.target) / t.scale) ** 2)))
-
-
-def means_of(t: Tables, c: Candidate) -> tuple[dict[str, NDArray], dict[str, NDArray]]:
-    """Returns mean diffuse, specular and roughness over the painted area, before and after a candidate."""
-    before = {"diffuse": t.diffuse, "specular": t.f0, "roughness": np.array([t.roughness])}
-    after = {
-        "diffuse": c.diffuse_of(t.diffuse),
-        "specular": c.f0_of(t.f0),
-        "roughness": c.roughness_of(np.array([t.roughness])),
-    }
-    return before, after
-
-
-def _changed_surface(
-    original: Surface, field: LightField, scene: Scene, answers: list[Answer], painted: list[Painted]
-) -> Surface:
-    """The elements' reflectance with all answers applied."""
-    surface = original
-    for a in answers:
-        if not a.chosen.freed:
-            continue
-        rows = scope_rows(a.pool, field, scene, painted)
-        alike = np.isin(field.elements.material, a.pool.alike)
-        if a.varying:
-            surface = _varied_surface(surface, original, a, field, rows)
-            rows = alike  # which change by the mean of it
-        else:
-            rows = rows | alike
-        s, c = original, a.chosen
-        f0 = c.f0_of(s.f0[rows])
-        f90 = f0 if a.tables.is_metal and "specular" in c.freed else s.f90[rows]
-        surface = surface.with_rows(
-            rows, diffuse=c.diffuse_of(s.diffuse[rows]), f0=f0, f90=f90, roughness=c.roughness_of(s.roughness[rows])
-        )
-    return surface
-
-
-def alike_means(answer: Answer, material: int, field: LightField) -> tuple[dict[str, NDArray], dict[str, NDArray]]:
-    """Returns mean diffuse, specular and roughness of a material that is alike, before and after the same change.
-
-    Args:
-        field: with the reflectance of before.
-    """
-    rows, s, c = field.elements.material == material, field.surface, answer.chosen
-    weight = field.elements.area[rows].astype(np.float64)
-    mean = lambda x: np.average(np.asarray(x, np.float64)[rows], axis=0, weights=weight)  # noqa: E731
-    d, f0, roughness = mean(s.diffuse), mean(s.f0), np.atleast_1d(mean(s.roughness))
-    before = {"diffuse": d, "specular": f0, "roughness": roughness}
-    return before, {"diffuse": c.diffuse_of(d), "specular": c.f0_of(f0), "roughness": c.roughness_of(roughness)}
-
-
-def _varied_surface(
-    surface: Surface, original: Surface, answer: Answer, field: LightField, rows: NDArray
-) -> Surface:
-    """The elements' reflectance with a change that varies on some of them."""
-    assert answer.varying
-    s, e = original, field.elements
-    reflectance = np.concatenate([s.diffuse[rows], s.f0[rows], s.roughness[rows, None]], 1)
-    delta = answer.varying.at(Places(e.position[rows], e.geometric_normal[rows], reflectance))
-    if answer.varying.parameter == "diffuse":
-        return surface.with_rows(rows, diffuse=s.diffuse[rows] + delta)
-    f0 = s.f0[rows] + delta
-    return surface.with_rows(rows, f0=f0, f90=f0 if answer.tables.is_metal else s.f90[rows])
-
-
-def scope_rows(pool: Pool, field: LightField, scene: Scene, painted: list[Painted]) -> NDArray[np.bool_]:
-    """Returns which elements (N,) a pool's change covers."""
-    elements = field.elements
-    rows = elements.material == pool.material
-    if pool.scope in ("prim", "stroke"):
-        paths = np.array([m.path in pool.targets for m in scene.meshes])
-        rows &= paths[elements.mesh]
-    if pool.scope == "stroke":
-        near = np.zeros(len(rows), bool)
-        for i in pool.strokes:
-            s = painted[i].stroke
-            for first in range(0, len(s.points), 64):
-                gap = elements.position[:, None] - s.points[None, first : first + 64]
-                near |= (np.linalg.norm(gap, axis=2) < 0.5 * s.widths[None, first : first + 64] + 1e-9).any(1)
-        rows &= near
-    return rows

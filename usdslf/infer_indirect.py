@@ -13,10 +13,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from usdslf.answers import Alternative, Answer, Painted, Pool, means_of
 from usdslf.errors import SolveError, StrokeError
 from usdslf.indirect import F64, Receiver, make_receiver, materials_in_sight, receiver_tables
 from usdslf.indirect_fit import Change, Fitted, fit_changes, mean_error, radiance_of
-from usdslf.infer import Alternative, Answer, Painted, Pool, fixed_materials, means_of
+from usdslf.infer import fixed_materials
 from usdslf.light_field import LightField, Surface
 from usdslf.scene import Scene
 from usdslf.solve import (

@@ -104,6 +104,7 @@ class Mesh:
     subsets: tuple[str, ...] = ()  # paths of GeomSubsets that bind materials
     double_sided: bool = False
     prototype: str = ""  # path of the prim that an opinion has to be written on, "" if path itself
+    has_points: bool = True  # authored ones, that stay where they are: no skin, no implicit shape
 
 
 @dataclass(frozen=True)

@@ -19,15 +19,16 @@ from numpy.typing import NDArray
 import usdslf
 from usdslf.alike import painted_places, similarity_picture
 from usdslf.answer_report import report_of
+from usdslf.answers import Answer, Painted, Pool
 from usdslf.changes import changes_of, restyled, with_varying
 from usdslf.color import Color, color_of
 from usdslf.edits import MaterialChange
 from usdslf.elements import ElementLookup, Elements, refresh_reflectance, sample_elements
 from usdslf.errors import InputError, SolveError, StageError, StrokeError
 from usdslf.gpu.device import Device, open_device
-from usdslf.infer import Answer, Pool, gather_strokes, infer_changes, residual_as_preview
+from usdslf.infer import gather_strokes, infer_changes
 from usdslf.infer_indirect import infer_indirect
-from usdslf.light_field import LightField, require_memory
+from usdslf.light_field import LightField, Surface, require_memory
 from usdslf.light_set import LightSet, lights_or_default
 from usdslf.lights import static_light
 from usdslf.motion import move_elements, moved_meshes, retrace
@@ -35,6 +36,7 @@ from usdslf.overview import overview_camera
 from usdslf.propagate import Weights
 from usdslf.reflectance import MODELS
 from usdslf.render import render
+from usdslf.residuals import residual_as_preview, residual_as_written
 from usdslf.scene import Camera, Light, Scene
 from usdslf.solve import Options
 from usdslf.strokes import Stroke
@@ -49,13 +51,15 @@ from usdslf.stylize import (
     stylize_light,
 )
 from usdslf.surroundings import find_surroundings
-from usdslf.usd.author import author_look, author_review_root, textures_folder
+from usdslf.usd.author import author_look, author_review_root
+from usdslf.usd.baked_files import textures_folder
 from usdslf.usd.edited import open_edited
 from usdslf.usd.preview_material import make_preview as make_preview_materials
 from usdslf.usd.read import open_stage, read_scene
 from usdslf.usd.wins import AuthoredEdit, compose_over
 from usdslf.visibility import RayTracer, Visibility, trace_visibility
 
+MUCH_WORSE = 1.5  # times the residual, where a look falls short of what was found
 Say = Callable[[str, float], None]
 """Told the name of a step and how much of it is done, 0..1."""
 
@@ -110,6 +114,8 @@ class Session:
         self.answers: list[Answer] = []
         self.stylized: Stylized | None = None
         self._solved_with = ""  # norm and weights, where they are not the default
+        self._painted: list[Painted] = []  # what the last solve looked at
+        self.residual_as_written: dict[Pool, float] = {}  # of answers that vary, as the written look shows them
         self.residual_as_preview: dict[Pool, float] = {}  # of answers by phong, as UsdPreviewSurface shows them
         self.edits: list[AuthoredEdit] = []
 
@@ -239,14 +245,13 @@ class Session:
             raise SolveError("there is no active stroke; paint one with: usdslf stroke")
         if norm:
             active = [replace(s, norm=norm) for s in active]
-        field, original = self.light_field, self.light_field.surface
-        as_it_was_d = field.outgoing_d.copy()
         lights = self.light_set
         said = [f"norm {norm}" if norm else "", options.in_words() if options else ""]
         self._solved_with, self.residual_as_preview = ", ".join(filter(None, said)), {}
-        try:
+        with self._kept_field() as field:
             with self._step("evidence"):
                 painted = gather_strokes(active, self.scene, self.tracer, field, lights, self.warnings)
+                self._painted = painted
             with self._step("solve"):
                 direct: list[Answer] = []
                 if any(p.stroke.mode == "direct" for p in painted):
@@ -263,9 +268,6 @@ class Session:
                     self.answers = direct + infer_indirect(
                         painted, self.scene, field, options, self.bounces, self.warnings, dict(choose or {}), direct
                     )
-        finally:
-            field.set_surface(original)
-            field.outgoing_d = as_it_was_d
         for a in self.answers:
             if a.is_ambiguous and not a.others:
                 names = ", ".join(active[i].path for i in a.pool.strokes)
@@ -288,19 +290,13 @@ class Session:
         check_numbers(amount, radius)
         shown = [int(m) for m in np.unique(self.scene.triangles.material)]
         free = editable_materials(self.scene, shown, self.warnings)
-        field = self.light_field
-        original, as_it_was_d = field.surface, field.outgoing_d.copy()
         self.answers, self.edits = [], []
-        try:
-            with self._step("stylize"):
-                near = find_surroundings(self.elements, self.tracer, radius * self.scene.diagonal)
-                check_surroundings(near, self.scene)
-                rounds = stylize_light(field, near, amount, radius, free, self.bounces, norm)
-                for number, found in enumerate(rounds):  # noqa: B007
-                    self._say("stylize", (number + 1) / 2)
-        finally:
-            field.set_surface(original)
-            field.outgoing_d = as_it_was_d
+        with self._kept_field() as field, self._step("stylize"):
+            near = find_surroundings(self.elements, self.tracer, radius * self.scene.diagonal)
+            check_surroundings(near, self.scene)
+            rounds = stylize_light(field, near, amount, radius, free, self.bounces, norm)
+            for number, found in enumerate(rounds):  # noqa: B007
+                self._say("stylize", (number + 1) / 2)
         self.stylized = found
         return found
 
@@ -451,7 +447,41 @@ class Session:
         for edit in self.edits:
             if not edit.wins:
                 self.warn(f"{edit.prim}.{edit.attribute} is hidden by {edit.hidden_by}: {edit.mend}")
+        self._measure_varying(path)
         return self.edits
+
+    def _measure_varying(self, look: str | os.PathLike[str]) -> None:
+        """Looks at what a look shows where a change varies: texels and points hold it only so well."""
+        varying = [a for a in self.answers if a.varying]
+        self.residual_as_written = {}
+        if not varying or not self.shot.GetRootLayer().realPath:  # a shot in memory alone is in no look's reach
+            return
+        other = self.edited(look)
+        if len(other.scene.triangles.mesh) != len(self.scene.triangles.mesh):
+            return
+        with self._step("author"), self._kept_field() as field:
+            elements = refresh_reflectance(self.elements, self.scene, other.scene)
+            field.set_surface(Surface.of(elements))
+            self._converge(field)
+            for a in varying:
+                residual = residual_as_written(a, other.scene, self._painted, field)
+                self.residual_as_written[a.pool] = residual
+                if residual > MUCH_WORSE * max(a.residual_after, 0.02):
+                    self.warn(
+                        f"{self.scene.materials[a.pool.material].path}: the written look has a residual of "
+                        f"{residual:.3f}, the change that was found one of {a.residual_after:.3f}"
+                    )
+
+    @contextmanager
+    def _kept_field(self) -> Iterator[LightField]:
+        """The light field for other reflectance, left as it was."""
+        field = self.light_field
+        original, outgoing_d = field.surface, field.outgoing_d.copy()
+        try:
+            yield field
+        finally:
+            field.set_surface(original)
+            field.outgoing_d = outgoing_d
 
     def _warn_of_phong(self) -> None:
         """Says what a look holds that was solved with phong, and how far off it is where that was measured."""

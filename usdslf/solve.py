@@ -52,6 +52,7 @@ class Options:
     place: float = 0.15  # per dab, for the change being where the stroke is
     nothing: float = 5.0  # cost of no change where what was painted is not there yet
     visible: float = 0.05  # relative change that is seen
+    variation: float = 30.0  # cost of a change that varies over the surface
     factors: tuple[float, float, float] | None = None  # of the misfit by freed parameters, in place of all costs
 
     @staticmethod
@@ -100,7 +101,8 @@ class Tables:
     tint_w: F64
     back: tuple[F64, F64, F64, F64, F64]  # P, U, V, W (B, J, 3) and scale (B, 3)
     elsewhere: tuple[F64, F64, F64, F64]  # P, U, V, W (E, J, 3) of unpainted points that the same eye sees
-    levels: F64  # (J,) mean roughness at each level
+    dab_levels: F64  # (n, J) roughness of each dab at each level
+    levels: F64  # (J,) their means
     diffuse: F64  # (3,) means over the dabs
     f0: F64
     roughness: float
@@ -173,6 +175,7 @@ def pool_tables(evidences: list[Evidence], material: int, model: str = "preview_
         tint_w=cat["tint_w"],
         back=(back_p, cat["back_u"], cat["back_v"], cat["back_w"], back_scale),
         elsewhere=tuple(cat[f"else_{k}"] for k in "puvw"),  # type: ignore[arg-type]
+        dab_levels=cat["levels"],
         levels=cat["levels"].mean(0),
         diffuse=d.mean(0),
         f0=f0.mean(0),

@@ -1,14 +1,16 @@
 """Answers that vary over a surface, where the strokes ask for it: a gradient, a picture, a soft edge.
 
-The parameter (diffuse or specular colour) gets a change of its own at each dab, smoothed over the stroke:
+One parameter v (diffuse or specular colour, a grey specular, roughness) gets a quantity q of its own at each dab:
 
-    delta_i = the value at i of the plane through delta*_j with weights K_ij w_j,
-    delta*_j = (T_j - P_j) / U_j,   w_j = (U_j / scale_j)^2
+    add   v + q              factor   v (1 + q), for what is textured              value   q, in place of a texture
 
-with a Gaussian K of one of LENGTHS of the stroke's extent.  Planes, unlike means, leave a gradient as it is up to its
-ends (Cleveland 1979).  Its freedoms are the trace of that smoother (Hastie and Tibshirani 1990); it competes with the
-constant answers by the same cost, plus VARIATION: an uneven hand drifts and tints too, and that is no wish.  Between
-and beyond the dabs the planes are blended by similarity (propagate.py), within the range of what the dabs have.
+smoothed over the stroke: q_i is the value at i of the plane through q*_j with weights K_ij w_j, where q*_j alone would
+give dab j what was painted, w_j = (dL_j/dq / scale_j)^2, and K is a Gaussian of one of LENGTHS of the stroke's extent.
+Planes, unlike means, leave a gradient as it is up to its ends (Cleveland 1979).  Radiance is linear in colours, not
+in roughness: there q* follows from the tangent, again and again (Gauss and Newton), from the best of even steps on.
+Its freedoms are the trace of that smoother (Hastie and Tibshirani 1990); it competes with the constant answers by the
+same cost, plus Options.variation: an uneven hand drifts and tints too, and that is no wish.  Between and beyond the
+dabs the planes are blended by similarity (propagate.py), within the range of what the dabs have.
 
 Source: Nguyen et al. 2013, 4.3 and 5.3; Schwarz 1978.
 """
@@ -26,44 +28,72 @@ from usdslf.scene import F64
 from usdslf.solve import Candidate, Options, Tables, score
 
 LENGTHS = (0.5, 0.25, 0.12)  # of smoothing, in the stroke's extent
-VARIATION = 30.0  # cost of an answer that varies
 TILT = 1e-4  # that planes are held against across what was painted, where no dab says how they lie
 FEWEST = 6  # dabs that can say that something varies
-LEAST_STEP = 0.04  # of a reflectance, between dabs, for a change to vary
+LEAST_STEP = 0.04  # of a reflectance or roughness, between dabs, for a change to vary
 NEAR = Weights(position=4.0, normal=0.5, reflectance=1.0)  # between dabs, the nearest decide
+OVER_TEXTURE = 10.0  # cost of a texture that is painted over
+DARKEST = 0.02  # reflectance that a factor can be told from
+NEWTON, LONGEST_STEP = 6, 0.15  # rounds for roughness, and how far one goes
+COLUMNS = {"diffuse": slice(0, 3), "specular": slice(3, 6), "glossiness": slice(6, 7)}  # of Places.reflectance
 
 
 @dataclass(frozen=True)
 class Varying:
-    """A change that varies: known at the n dabs of a pool."""
+    """A change that varies: known at the n dabs of a pool.  C is 1 for roughness and a grey specular, else 3."""
 
-    parameter: str  # diffuse | specular
+    parameter: str  # diffuse | specular | glossiness
+    form: str  # add | factor | value
     length: float  # of smoothing [stage units]
-    delta: F64  # (n, 3) of d or F0
-    slope: F64  # (n, 3, 3) of each channel along each axis [1 / stage units]
+    q: F64  # (n, C)
+    slope: F64  # (n, C, 3) of q along each axis [1 / stage units]
     places: Places  # (n)
     reach: float  # of propagation [stage units]
+    is_gated: bool = False  # fades where nothing painted is near: of strokes that change only what they cover
     weights: Weights = NEAR
 
+    @property
+    def is_grey(self) -> bool:
+        """Whether it is a specular change with one value for all channels."""
+        return self.parameter == "specular" and self.q.shape[1] == 1
+
     def at(self, x: Places) -> F64:
-        """Returns the change (k, 3) at places, held to what is possible there."""
-        value = x.reflectance[:, :3] if self.parameter == "diffuse" else x.reflectance[:, 3:6]
-        n = len(self.delta)
-        at_origin = self.delta - np.einsum("nca,na->nc", self.slope, self.places.position)
-        planes = np.concatenate([at_origin, self.slope.reshape(n, 9)], 1)
-        blend = propagate(x, self.places, planes, self.reach, self.weights, gated=False)
-        delta = blend[:, :3] + np.einsum("kca,ka->kc", blend[:, 3:].reshape(-1, 3, 3), x.position.astype(np.float64))
-        delta = np.clip(delta, self.delta.min(0), self.delta.max(0))
-        return np.clip(value + delta, 0, 1) - value
+        """Returns the change of the parameter (k, 3), of roughness (k, 1), at places, held to what is possible."""
+        n, channels = self.q.shape
+        at_origin = self.q - np.einsum("nca,na->nc", self.slope, self.places.position)
+        planes = np.concatenate([at_origin, self.slope.reshape(n, -1), np.ones((n, 1))], 1)
+        blend = propagate(x, self.places, planes, self.reach, self.weights, gated=self.is_gated)
+        opened = blend[:, -1:]  # how far the gate is open
+        slope = blend[:, channels:-1].reshape(-1, channels, 3)
+        q = blend[:, :channels] + np.einsum("kca,ka->kc", slope, x.position.astype(np.float64))
+        q = np.clip(q / np.maximum(opened, 1e-12), self.q.min(0), self.q.max(0))
+        return (_changed(self, q, _value(self, x)) - _value(self, x)) * opened
+
+    def of_dabs(self) -> F64:
+        """Returns the change of the parameter (n, 3), of roughness (n, 1), at the dabs themselves."""
+        return _changed(self, self.q, _value(self, self.places)) - _value(self, self.places)
 
     @property
     def mean(self) -> F64:
-        """Mean change (3,) over the dabs."""
-        return self.delta.mean(0)
+        """Mean change (3,) or (1,) over the dabs."""
+        return self.of_dabs().mean(0)
 
     def moved(self, mean: F64) -> Varying:
-        """Returns the change with another mean."""
-        return replace(self, delta=self.delta + (mean - self.mean))
+        """Returns the change with about another mean."""
+        step = (np.asarray(mean, np.float64) - self.mean)[: self.q.shape[1]]
+        if self.form == "factor":
+            step = step / np.maximum(_value(self, self.places).mean(0), DARKEST)
+        return replace(self, q=self.q + step)
+
+
+def _value(v: Varying, x: Places) -> F64:
+    """The parameter (k, C) as it is."""
+    return np.asarray(x.reflectance[:, COLUMNS[v.parameter]], np.float64)
+
+
+def _changed(v: Varying, q: F64, value: F64) -> F64:
+    new = {"add": value + q, "factor": value * (1 + q), "value": q + 0 * value}[v.form]
+    return np.clip(new, 0.001 if v.parameter == "glossiness" else 0, 1)
 
 
 def places_of_dabs(evidences: Sequence[Evidence], material: int) -> Places:
@@ -80,34 +110,50 @@ def places_of_dabs(evidences: Sequence[Evidence], material: int) -> Places:
     return Places(position, normal, reflectance)
 
 
-def best_varying(
-    t: Tables, o: Options, white: F64, places: Places, brush: float
-) -> tuple[Candidate, Varying] | None:
-    """Returns the cheapest answer that varies and its cost as a candidate; None where no stroke can ask for one.
+def varying_answers(
+    t: Tables, o: Options, white: F64, places: Places, brush: float, is_gated: bool = False
+) -> list[tuple[Candidate, Varying]]:
+    """Returns answers that vary, cheapest first, each with its cost as a candidate; none where no stroke can ask.
 
     Args:
         brush: width [stage units].
+        is_gated: whether they fade where nothing painted is near.
     """
     n = len(t.target)
     if n < FEWEST or t.flat.all():
-        return None
+        return []
     extent = float(np.linalg.norm(np.ptp(places.position, axis=0)))
     reach = reach_of(places.position, 0.5 * brush)
-    best: tuple[Candidate, Varying] | None = None
-    for parameter in ("specular",) if t.is_metal else ("diffuse", "specular"):
+    found: dict[tuple[str, str, bool], tuple[Candidate, Varying]] = {}
+    for parameter, form, channels in _forms(t, places):
         for share in LENGTHS:
-            start = Varying(parameter, max(share * extent, 1e-9), np.zeros((n, 3)), np.zeros((n, 3, 3)), places, reach)
-            varying, freedoms = _smoothed(t, start)
-            if np.ptp(varying.delta, axis=0).max() < LEAST_STEP:
+            zero = np.zeros((n, channels))
+            v = Varying(
+                parameter, form, max(share * extent, 1e-9), zero, np.zeros((n, channels, 3)), places, reach, is_gated
+            )
+            v, freedoms = _smoothed(t, v)
+            if np.ptp(v.q if form == "value" else v.of_dabs(), axis=0).max() < LEAST_STEP:
                 continue
-            r = white @ ((predicted_varying(t, varying) - t.target) / t.scale).reshape(-1)
+            r = white @ ((predicted_varying(t, v) - t.target) / t.scale).reshape(-1)
             of_dab = (r * r).reshape(n, 3).sum(1)
             misfit = float((o.outlier * np.log1p(of_dab / o.outlier)).sum())
-            c = _as_candidate(t, varying, misfit, freedoms)
-            c = replace(c, cost=score(t, o, c) + VARIATION)
-            if best is None or c.cost < best[0].cost:
-                best = c, varying
-    return best
+            c = _as_candidate(t, v, misfit, freedoms)
+            c = replace(c, cost=score(t, o, c) + o.variation + OVER_TEXTURE * (form == "value"))
+            key = (parameter, form, v.is_grey)
+            if key not in found or c.cost < found[key][0].cost:
+                found[key] = c, v
+    return sorted(found.values(), key=lambda x: x[0].cost)
+
+
+def _forms(t: Tables, places: Places) -> list[tuple[str, str, int]]:
+    """Which parameters can vary, how, and in how many channels."""
+    textured = {k: np.ptp(places.reflectance[:, rows], axis=0).max() > LEAST_STEP for k, rows in COLUMNS.items()}
+    of = lambda k: ("add", "factor", "value") if textured[k] or (k == "diffuse" and t.is_textured) else ("add",)  # noqa: E731
+    forms = [] if t.is_metal else [("diffuse", form, 3) for form in of("diffuse")]
+    forms += [("specular", form, 3) for form in of("specular")]
+    if not t.is_metal:
+        forms.append(("specular", "add", 1))
+    return [*forms, ("glossiness", "add", 1)]
 
 
 def refit_varying(t: Tables, v: Varying) -> Varying:
@@ -117,13 +163,13 @@ def refit_varying(t: Tables, v: Varying) -> Varying:
 
 def predicted_varying(t: Tables, v: Varying) -> F64:
     """Returns the radiance (n, 3) of the dabs with a change that varies."""
-    slope = t.u if v.parameter == "diffuse" else t.v
-    return t.p[:, t.own] + v.delta * slope[:, t.own]
-
-
-def varying_error(t: Tables, v: Varying) -> float:
-    """Relative root mean square of the painted radiance minus what the change gives."""
-    return float(np.sqrt(np.mean(((predicted_varying(t, v) - t.target) / t.scale) ** 2)))
+    if v.parameter == "glossiness":
+        return _at_roughness(t, v.places.reflectance[:, 6] + v.of_dabs()[:, 0])[0]
+    slope, base = _slope(t, v)
+    q = np.broadcast_to(v.q, slope.shape)
+    if v.form == "value":
+        return t.p[:, t.own] - base + q * slope
+    return t.p[:, t.own] + v.of_dabs() * slope if v.form == "add" else t.p[:, t.own] + q * slope
 
 
 def as_candidate(t: Tables, v: Varying, c: Candidate) -> Candidate:
@@ -133,31 +179,101 @@ def as_candidate(t: Tables, v: Varying, c: Candidate) -> Candidate:
 
 def _as_candidate(t: Tables, v: Varying, misfit: float, freedoms: int) -> Candidate:
     mean, zero = v.mean, np.zeros(3)
-    is_diffuse = v.parameter == "diffuse"
-    return Candidate(
-        (v.parameter,), mean if is_diffuse else zero, zero if is_diffuse else mean, level=t.own, misfit=misfit,
-        freedoms=freedoms,
-    )  # fmt: skip
+    c = Candidate((v.parameter,), zero, zero, level=t.own, misfit=misfit, freedoms=freedoms)
+    if v.parameter == "glossiness":
+        level = int(np.abs(t.levels[:-1] - t.roughness - mean[0]).argmin())
+        return replace(c, roughness_shift=float(mean[0]), level=level)
+    mean = mean * np.ones(3)
+    return replace(c, delta_diffuse=mean) if v.parameter == "diffuse" else replace(c, delta_f0=mean)
+
+
+def _slope(t: Tables, v: Varying) -> tuple[F64, F64]:
+    """dL/dq (n, 3) of a colour, and what the colour itself sends now (n, 3)."""
+    if v.parameter == "diffuse":
+        u, base = t.u[:, t.own], t.tint_u[:, t.own]
+    else:
+        u = t.v[:, t.own]
+        base = u * v.places.reflectance[:, COLUMNS["specular"]]
+    return (base if v.form == "factor" else u), base
 
 
 def _smoothed(t: Tables, v: Varying) -> tuple[Varying, int]:
-    """The smoothed change of each dab, and its freedoms."""
-    slope, present = (t.u, t.diffuse) if v.parameter == "diffuse" else (t.v, t.f0)
-    slope = slope[:, t.own]
-    asked = (t.target - t.p[:, t.own]) / np.where(np.abs(slope) > 1e-12, slope, 1e-12)
-    value = v.places.reflectance[:, :3] if v.parameter == "diffuse" else v.places.reflectance[:, 3:6]
-    asked = np.clip(asked, -1 - present, 2 - present)  # what is out of reach must not pull at its neighbours
+    """The smoothed quantity of each dab, and its freedoms."""
+    if v.parameter == "glossiness":
+        return _smoothed_roughness(t, v)
+    slope, base = _slope(t, v)
+    asked = t.target - t.p[:, t.own] + (base if v.form == "value" else 0)
     weight = (slope / t.scale) ** 2
+    wanted = asked / np.where(np.abs(slope) > 1e-12, slope, 1e-12)
+    value = _value(v, v.places)
+    least, most = _range(v.form, value)
+    # what is out of reach must not pull at its neighbours
+    wanted = np.clip(wanted, least - 1, np.minimum(most, 1 / DARKEST) + 1)
+    if v.q.shape[1] == 1:
+        wanted, weight = _as_one(wanted, weight)
+        least, most = least.max(1, keepdims=True), most.min(1, keepdims=True)
+    q, slopes, freedoms = _planes(v, wanted, weight)
+    return replace(v, q=np.clip(q, least, most), slope=slopes), freedoms
+
+
+def _range(form: str, value: F64) -> tuple[F64, F64]:
+    """Least and greatest quantity (n, C) that keeps a colour in 0..1; of a factor, that of the darkest."""
+    zero = np.zeros_like(value)
+    if form == "add":
+        return -value, 1 - value
+    return (zero, zero + 1) if form == "value" else (zero - 1, 1 / np.maximum(value, DARKEST) - 1)
+
+
+def _as_one(wanted: F64, weight: F64) -> tuple[F64, F64]:
+    """What three channels want of one quantity (n, 1), and how much."""
+    total = weight.sum(1, keepdims=True)
+    return (weight * wanted).sum(1, keepdims=True) / np.maximum(total, 1e-30), total
+
+
+def _planes(v: Varying, wanted: F64, weight: F64) -> tuple[F64, F64, int]:
+    """Local planes through what each dab wants (n, C): their values (n, C), slopes (n, C, 3) and freedoms."""
     apart = v.places.position[None] - v.places.position[:, None]  # (i, j, 3)
     k = np.exp(-0.5 * (apart**2).sum(-1) / v.length**2)
     design = np.concatenate([np.ones((*k.shape, 1)), apart / v.length], -1)  # (i, j, 4)
     w = k[..., None] * weight[None]  # (i, j, channel)
-    normal = np.einsum("ijc,ija,ijb->icab", w, design, design)
+    normal = np.einsum("ijc,ija,ijb->icab", w, design, design, optimize=True)
     size = np.trace(normal, axis1=2, axis2=3)[..., None, None]
     normal = normal + np.diag([1e-9, TILT, TILT, TILT]) * (size + 1e-30)
-    right = np.einsum("ijc,ija,jc->ica", w, design, asked)
+    right = np.einsum("ijc,ija,jc->ica", w, design, wanted, optimize=True)
     plane = np.linalg.solve(normal, right[..., None])[..., 0]  # (i, channel, 4)
     own = np.linalg.solve(normal, np.broadcast_to(np.eye(4)[:, :1], (*normal.shape[:2], 4, 1)))[..., 0, 0]
-    freedoms = round(float((own * weight).sum()))  # K_ii = 1
-    delta = np.clip(value + plane[..., 0], 0, 1) - value
-    return replace(v, delta=delta, slope=plane[..., 1:] / v.length), freedoms
+    return plane[..., 0], plane[..., 1:] / v.length, round(float((own * weight).sum()))  # K_ii = 1
+
+
+# ---- roughness -------------------------------------------------------------------------------
+def _smoothed_roughness(t: Tables, v: Varying) -> tuple[Varying, int]:
+    own = v.places.reflectance[:, 6].astype(np.float64)
+    rho = own + v.q[:, 0] if v.q.any() else _best_step(t, v)
+    freedoms, slopes = 0, v.slope
+    for _ in range(NEWTON):
+        radiance, tangent = _at_roughness(t, rho)
+        tangent = np.where(np.abs(tangent) > 1e-9, tangent, 1e-9)
+        wanted, weight = _as_one((t.target - radiance) / tangent, (tangent / t.scale) ** 2)
+        wanted = rho[:, None] + np.clip(wanted, -LONGEST_STEP, LONGEST_STEP) - own[:, None]
+        q, slopes, freedoms = _planes(v, wanted, weight)
+        rho = np.clip(own + q[:, 0], 0.001, 1)
+    return replace(v, q=(rho - own)[:, None], slope=slopes), freedoms
+
+
+def _best_step(t: Tables, v: Varying) -> F64:
+    """The level of roughness (n,) that explains the neighbourhood of each dab best."""
+    apart = v.places.position[None] - v.places.position[:, None]
+    k = np.exp(-0.5 * (apart**2).sum(-1) / v.length**2)
+    off = (((t.p[:, : t.own] - t.target[:, None]) / t.scale[:, None]) ** 2).sum(2)  # (n, J)
+    best = (k @ off).argmin(1)
+    return np.take_along_axis(t.dab_levels[:, : t.own], best[:, None], 1)[:, 0]
+
+
+def _at_roughness(t: Tables, rho: F64) -> tuple[F64, F64]:
+    """Radiance (n, 3) of the dabs at a roughness (n,) each, and its slope: linear between the levels."""
+    levels, p = t.dab_levels[:, : t.own], t.p[:, : t.own]
+    i = np.clip((levels <= rho[:, None]).sum(1) - 1, 0, t.own - 2)[:, None]
+    low, high = (np.take_along_axis(levels, i + k, 1) for k in (0, 1))
+    at_low, at_high = (np.take_along_axis(p, (i + k)[..., None], 1)[:, 0] for k in (0, 1))
+    slope = (at_high - at_low) / np.maximum(high - low, 1e-6)
+    return at_low + slope * (np.clip(rho[:, None], low, high) - low), slope

@@ -18,6 +18,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from usdslf.scene import F64
 
@@ -51,10 +52,10 @@ def normal_reflectance(ior: float) -> float:
     return ((1 - ior) / (1 + ior)) ** 2
 
 
-def ior_for(reflectance: float) -> float:
-    """The ior >= 1 whose R^2 is given in [0, 1)."""
-    root = np.sqrt(max(reflectance, 0.0))  # rounding may pass the end by a hair
-    return float((1 + root) / (1 - root))
+def ior_for(reflectance: ArrayLike) -> F64:
+    """The iors >= 1 whose R^2 are given, each in [0, 1)."""
+    root = np.sqrt(np.maximum(reflectance, 0.0))  # rounding may pass the end by a hair
+    return np.asarray((1 + root) / (1 - root))
 
 
 def inputs_for(
@@ -107,7 +108,7 @@ def _metal_candidates(before: SurfaceInputs, d: F64, f0: F64, ior_is_free: bool)
         s = 1 - m_ + m_ * c_
         k = float(s @ f0) / max(float(s @ s), 1e-12)
         reflectance = float((k - m_) / (1 - m_)) if m_ < 1 else r2
-        return ior_for(reflectance) if -1e-9 < reflectance < 0.999 else np.inf
+        return float(ior_for(reflectance)) if -1e-9 < reflectance < 0.999 else np.inf
 
     def inputs(c_: F64, m_: float, ior_: float) -> SurfaceInputs:
         return replace(before, diffuse_color=c_, metallic=float(m_), ior=max(ior_, 1.0))

@@ -29,7 +29,7 @@ from usdslf.usd.build_stage import write_stage
 from usdslf.usd.stroke_layer import write_strokes
 
 if TYPE_CHECKING:
-    from usdslf.infer import Answer
+    from usdslf.answers import Answer
     from usdslf.session import Say
     from usdslf.solve import Options
 

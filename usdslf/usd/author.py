@@ -2,7 +2,6 @@
 
     author_look(stage, edits, out_path, provenance=None, strokes_path=None, shot_path=None, ...)
         -> list[AuthoredEdit]                                 wins.py: each with what hides and what shows it
-    textures_folder(look) -> Path                             where textures that are baked for it go
     author_review_root(path, look, strokes, shot) -> None     subLayers = [look, strokes, shot]
     why_not_editable(prim) -> str                             "" for what can be edited, else a sentence
 
@@ -25,6 +24,7 @@ from pxr import Sdf, Tf, Usd, UsdShade, Vt
 
 from usdslf.edits import MaterialChange, material_change_to_input_edits
 from usdslf.errors import AuthorError, StageError
+from usdslf.usd.baked_files import drop_unused
 from usdslf.usd.change_writer import MODES, ChangeWriter
 from usdslf.usd.files import relative_path, write_layer
 from usdslf.usd.kept import RECORD, added_by_hand, put_under, record_of, what_is_by_hand
@@ -120,6 +120,7 @@ def _author(
     mend = f"remove it from {out.name}, then solve again"
     written = [replace(e, hidden_by=why, mend=mend) if _place(e) in lost else e for e in written]
     write_layer(layer, out)
+    said += drop_unused(earlier, layer, out) if earlier else []
     for (at, group, chosen), path in look.variants.items():
         said.append(f"{path} is edited in the variant {group}={chosen} of {at} only: other variants stay.")
     review = compose_over(stage, layer)
@@ -155,11 +156,6 @@ def _say_what_is_kept(by_hand: Sdf.Layer, lost: list[Sdf.Path], out: Path, said:
         else:
             notes.add(f"{{}} was added by hand to {out.name} and stays", path)
     said += notes.sentences()
-
-
-def textures_folder(look: str | os.PathLike[str]) -> Path:
-    """Returns the folder that textures baked for a look go to, beside it."""
-    return Path(look).with_suffix(".textures")
 
 
 def author_review_root(

@@ -319,8 +319,8 @@ class ChangeWriter:
         look, by = self.look, edit.by_vertex
         users = self.users if self.users is not None else users_of(look.stage, self.original)
         gprims = [p.GetParent() if p.IsA(UsdGeom.Subset) else p for p in users]
-        if any(p.IsInstanceProxy() or not p.IsA(UsdGeom.PointBased) for p in gprims):
-            self.said.append(f"{self.original} is shown by instances or shapes without points: its mean is written")
+        if any(not p.IsA(UsdGeom.PointBased) for p in gprims):
+            self.said.append(f"{self.original} is shown by shapes without points: its mean is written")
             plain_ = dataclasses.replace(edit, representation="constant", by_vertex=None)
             return self.write(plain_)
         name, channels = f"slf:{edit.input}", len(by.after)

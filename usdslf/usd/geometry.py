@@ -199,6 +199,7 @@ def _mesh(
         subsets=subsets,
         double_sided=bool(UsdGeom.Gprim(prim).GetDoubleSidedAttr().Get(time)),
         prototype=placed.prototype,
+        has_points=prim.IsA(UsdGeom.Mesh) and read.world_from_points is None,
     )
 
 

@@ -1,0 +1,173 @@
+"""Answers: what was asked together, what was inferred for it, and the elements' reflectance that it gives.
+
+    Pool, Answer, Alternative, Painted
+    means_of(tables, candidate) -> before, after
+    changed_surface(original, field, scene, answers, painted) -> Surface
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usdslf.evidence import Evidence, Samples, build_evidence
+from usdslf.propagate import Places
+from usdslf.scene import Scene
+from usdslf.solve import Candidate, Tables
+from usdslf.strokes import Stroke
+from usdslf.varying import Varying
+
+if TYPE_CHECKING:
+    from usdslf.light_field import LightField, Surface
+
+AMBIGUOUS = 4.0  # cost between two explanations that is no difference
+
+
+@dataclass(frozen=True)
+class Pool:
+    """What is asked together: one material in one scope."""
+
+    material: int
+    scope: str  # material | prim | stroke
+    targets: tuple[str, ...]  # gprims of the scope; () for the whole material
+    strokes: tuple[int, ...]  # into the strokes that were read
+    is_held: bool = False  # asks for no change: a fixate stroke, or a strength of zero
+    alike: tuple[int, ...] = ()  # materials that change by the same delta: what is similar to the painted places
+
+
+@dataclass(frozen=True)
+class Alternative:
+    """One of the explanations of an indirect stroke."""
+
+    id: str  # "specular+glossiness of /World/mtl/ring"
+    cost: float
+    materials: tuple[str, ...]  # paths of what would change
+    after: dict[str, NDArray]  # of the first of them, as in Answer; empty where nothing would change
+    is_chosen: bool
+    is_tie: bool  # explains it about as well as the chosen one, by another change
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What was inferred for one pool."""
+
+    pool: Pool
+    chosen: Candidate
+    candidates: tuple[Candidate, ...]  # cheapest first
+    tables: Tables  # at the last round
+    before: dict[str, NDArray]  # diffuse (3,), specular (3,), roughness (1,): means over the painted area
+    after: dict[str, NDArray]
+    residual_before: float
+    residual_after: float
+    rounds: tuple[float, ...]  # residual after each round of bounces
+    is_too_bright: bool = False  # so it seems before the light went round
+    others: tuple[Alternative, ...] = ()  # of an indirect stroke: explanations by all materials in sight
+    note: str = ""  # of an indirect stroke: how well its radiance is met, or why it cannot be
+    varying: Varying | None = None  # where the change varies over the surface; `chosen` holds its mean
+
+    @property
+    def is_ambiguous(self) -> bool:
+        """Whether another explanation costs about the same."""
+        if self.others:
+            return any(a.is_tie for a in self.others)
+        others = [c.cost for c in self.candidates if c.id != self.chosen.id]
+        return bool(others) and min(others) - self.chosen.cost < AMBIGUOUS
+
+
+@dataclass
+class Painted:
+    """A stroke with its samples: what stays from round to round."""
+
+    stroke: Stroke
+    samples: Samples
+    rows: NDArray  # of the stroke, per dab
+    wanted: NDArray | None = None  # (n, 3) what its tool asks of the light before any edit; None: its colours
+
+    def evidence(self, field: LightField) -> Evidence:
+        """The evidence under the light of now."""
+        return build_evidence(self.stroke, self.rows, self.samples, field, self.wanted)
+
+
+def means_of(t: Tables, c: Candidate) -> tuple[dict[str, NDArray], dict[str, NDArray]]:
+    """Returns mean diffuse, specular and roughness over the painted area, before and after a candidate."""
+    before = {"diffuse": t.diffuse, "specular": t.f0, "roughness": np.array([t.roughness])}
+    after = {
+        "diffuse": c.diffuse_of(t.diffuse),
+        "specular": c.f0_of(t.f0),
+        "roughness": c.roughness_of(np.array([t.roughness])),
+    }
+    return before, after
+
+
+def alike_means(answer: Answer, material: int, field: LightField) -> tuple[dict[str, NDArray], dict[str, NDArray]]:
+    """Returns mean diffuse, specular and roughness of a material that is alike, before and after the same change.
+
+    Args:
+        field: with the reflectance of before.
+    """
+    rows, s, c = field.elements.material == material, field.surface, answer.chosen
+    weight = field.elements.area[rows].astype(np.float64)
+    mean = lambda x: np.average(np.asarray(x, np.float64)[rows], axis=0, weights=weight)  # noqa: E731
+    d, f0, roughness = mean(s.diffuse), mean(s.f0), np.atleast_1d(mean(s.roughness))
+    before = {"diffuse": d, "specular": f0, "roughness": roughness}
+    return before, {"diffuse": c.diffuse_of(d), "specular": c.f0_of(f0), "roughness": c.roughness_of(roughness)}
+
+
+def changed_surface(
+    original: Surface, field: LightField, scene: Scene, answers: list[Answer], painted: list[Painted]
+) -> Surface:
+    """Returns the elements' reflectance with all answers applied."""
+    surface = original
+    for a in answers:
+        if not a.chosen.freed:
+            continue
+        rows = scope_rows(a.pool, field, scene, painted)
+        alike = np.isin(field.elements.material, a.pool.alike)
+        if a.varying:
+            surface = _varied_surface(surface, original, a, a.varying, field, rows)
+            rows = alike  # which change by the mean of it
+        else:
+            rows = rows | alike
+        s, c = original, a.chosen
+        f0 = c.f0_of(s.f0[rows])
+        f90 = f0 if a.tables.is_metal and "specular" in c.freed else s.f90[rows]
+        surface = surface.with_rows(
+            rows, diffuse=c.diffuse_of(s.diffuse[rows]), f0=f0, f90=f90, roughness=c.roughness_of(s.roughness[rows])
+        )
+    return surface
+
+
+def _varied_surface(
+    surface: Surface, original: Surface, answer: Answer, varying: Varying, field: LightField, rows: NDArray
+) -> Surface:
+    """The elements' reflectance with a change that varies on some of them."""
+    s, e = original, field.elements
+    reflectance = np.concatenate([s.diffuse[rows], s.f0[rows], s.roughness[rows, None]], 1)
+    delta = varying.at(Places(e.position[rows], e.geometric_normal[rows], reflectance))
+    if varying.parameter == "glossiness":
+        return surface.with_rows(rows, roughness=s.roughness[rows] + delta[:, 0])
+    if varying.parameter == "diffuse":
+        return surface.with_rows(rows, diffuse=s.diffuse[rows] + delta)
+    f0 = s.f0[rows] + delta
+    return surface.with_rows(rows, f0=f0, f90=f0 if answer.tables.is_metal else s.f90[rows])
+
+
+def scope_rows(pool: Pool, field: LightField, scene: Scene, painted: list[Painted]) -> NDArray[np.bool_]:
+    """Returns which elements (N,) a pool's change covers."""
+    elements = field.elements
+    rows = elements.material == pool.material
+    if pool.scope in ("prim", "stroke"):
+        paths = np.array([m.path in pool.targets for m in scene.meshes])
+        rows &= paths[elements.mesh]
+    if pool.scope == "stroke":
+        near = np.zeros(len(rows), bool)
+        for i in pool.strokes:
+            s = painted[i].stroke
+            for first in range(0, len(s.points), 64):
+                gap = elements.position[:, None] - s.points[None, first : first + 64]
+                near |= (np.linalg.norm(gap, axis=2) < 0.5 * s.widths[None, first : first + 64] + 1e-9).any(1)
+        rows &= near
+    return rows

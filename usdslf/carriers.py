@@ -1,0 +1,193 @@
+"""Carriers: which input of a UsdPreviewSurface says a change that varies over a surface, and what it is stored in.
+
+    carrier_of(scene, material, targets, varying) -> Carrier      its input, texture or points, or why there is none
+    carry(scene, carrier, varying, ...) -> Baked | ByVertex       the texture written, or the values at points
+
+Which input: diffuseColor for the diffuse colour of what is no metal and for the specular colour of a metal; roughness;
+specularColor in the specular workflow, into which a dielectric goes over for a specular colour; its ior for a grey one
+that a dielectric can have.  A texture where the surface has coordinates that lie flat; else, for a constant input of
+meshes whose points are close enough, a value at each of their points.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usdslf.bake import Baked, bake_texture, plain_texture
+from usdslf.color import Color
+from usdslf.edits import ByVertex
+from usdslf.nearest import nearest_on_triangles
+from usdslf.propagate import Places, places_at
+from usdslf.scene import F64, Material, Scene, Texture
+from usdslf.style_textures import common_sets, lies_flat
+from usdslf.varying import Varying
+from usdslf.workflow import NATURAL_IOR, ior_for, normal_reflectance
+
+METAL, DIELECTRIC = 0.999, 0.001
+BETWEEN_POINTS = 0.2  # of the range of a change, that it may be off between points
+FIELDS = {
+    "diffuseColor": "diffuse_color", "specularColor": "specular_color", "ior": "ior", "roughness": "roughness",
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Carrier:
+    """What stores a varying change of a material."""
+
+    input: str = ""
+    uv_set: str = ""  # of a texture; "" where points carry it
+    triangles: NDArray | None = None  # (k,) that show the change
+    why_not: str = ""  # reason why nothing can
+
+    @property
+    def by_points(self) -> bool:
+        """Whether the points of meshes carry it."""
+        return not self.why_not and not self.uv_set
+
+
+def carrier_of(scene: Scene, material: int, targets: Sequence[str], varying: Varying) -> Carrier:
+    """Finds what stores a varying change.
+
+    Args:
+        material: into scene.materials.
+        targets: paths of the gprims that show the change; none: all that show the material.
+    """
+    m, table = scene.materials[material], scene.triangles
+    shown = table.material == material
+    if targets:
+        shown &= np.array([mesh.path in targets for mesh in scene.meshes])[table.mesh]
+    triangles = np.flatnonzero(shown)
+    name, why = _input_of(m, varying)
+    if why:
+        return Carrier(why_not=why)
+    value = getattr(m, FIELDS[name])
+    if not _is_used(m, name) and isinstance(value, Texture):
+        return Carrier(why_not=f"its {name} is driven by {value.prim} without being seen")
+    if not isinstance(value, (Texture, np.ndarray)):
+        return Carrier(why_not=f"a primvar drives its {name}")
+    uv_set = value.uv_set if isinstance(value, Texture) else next(iter(common_sets(scene, triangles)), "")
+    if uv_set and lies_flat(scene, triangles, uv_set):
+        return Carrier(name, uv_set, triangles)
+    flat = f"its texture coordinates {uv_set} lie upon each other" if uv_set else "it has no texture coordinates"
+    why = _why_not_points(scene, triangles, varying)
+    if isinstance(value, Texture):
+        why = f"a texture drives its {name}"
+    return Carrier(name, "", triangles, f"{flat}, and {why}" if why else "")
+
+
+def carry(
+    scene: Scene, material: int, carrier: Carrier, varying: Varying, folder: Path, color: Color, warnings: list[str]
+) -> Baked | ByVertex:
+    """Writes the texture of a varying change, or says what its values are at points.
+
+    Raises: AuthorError where a texture cannot be read or written.
+    """
+    assert carrier.triangles is not None and not carrier.why_not, carrier
+    m, name = scene.materials[material], carrier.input
+    if carrier.by_points:
+        return _by_vertex(scene, material, name, varying)
+    value = getattr(m, FIELDS[name])
+    base = None if isinstance(value, Texture) else _base(m, name)
+    texture = value if isinstance(value, Texture) else plain_texture(_base(m, name), carrier.uv_set)
+
+    def delta(triangle: NDArray, barycentric: NDArray) -> F64:
+        before, after = _values(m, name, varying, places_at(scene, triangle, barycentric))
+        return after - (before if base is None else base)
+
+    stem = f"{m.path.rsplit('/', 1)[-1]}_{name}"
+    return bake_texture(scene, texture, carrier.triangles, delta, folder, stem, color=color, warnings=warnings)
+
+
+def _input_of(m: Material, v: Varying) -> tuple[str, str]:
+    """The input that says the change alone, or the reason why there is none."""
+    metallic = float(m.metallic[0]) if isinstance(m.metallic, np.ndarray) else None
+    is_dielectric = m.use_specular_workflow or (metallic is not None and metallic <= DIELECTRIC)
+    if v.parameter == "glossiness":
+        return "roughness", ""
+    if v.parameter == "diffuse":
+        if not isinstance(m.opacity, np.ndarray):
+            return "", "its opacity, which its diffuse colour is seen through, varies too"
+        if is_dielectric:
+            return "diffuseColor", ""
+    elif m.use_specular_workflow:
+        return "specularColor", ""
+    elif metallic is not None and metallic >= METAL:
+        return "diffuseColor", ""
+    elif is_dielectric:
+        highest = (v.places.reflectance[:, 3:6] + v.of_dabs()).max()
+        is_coated = not isinstance(m.clearcoat, np.ndarray) or float(m.clearcoat[0]) > 0
+        is_natural = highest <= normal_reflectance(NATURAL_IOR) and not is_coated
+        return ("ior" if v.is_grey and is_natural else "specularColor"), ""
+    return "", f"its metallic is {'driven' if metallic is None else f'{metallic:g}'}: no one input says it"
+
+
+def _is_used(m: Material, name: str) -> bool:
+    return name != "specularColor" or m.use_specular_workflow
+
+
+def _base(m: Material, name: str) -> F64:
+    """The value that a new texture starts from where the change is not: what an input without texture shows."""
+    if _is_used(m, name):
+        return np.asarray(getattr(m, FIELDS[name]), np.float64)
+    ior = float(m.ior[0]) if isinstance(m.ior, np.ndarray) else 1.5
+    return np.full(3, normal_reflectance(ior))
+
+
+def _values(m: Material, name: str, v: Varying, x: Places) -> tuple[F64, F64]:
+    """The input's values (k, C) at places before and after."""
+    change = v.at(x)
+    if name == "roughness":
+        rough = np.asarray(x.reflectance[:, 6:7], np.float64)
+        return rough, rough + change
+    if v.parameter == "diffuse":
+        through = float(m.opacity[0]) if isinstance(m.opacity, np.ndarray) else 1.0
+        is_seen_through = m.opacity_threshold == 0 and m.opacity_mode == "transparent" and through > 0
+        d = np.asarray(x.reflectance[:, :3], np.float64)
+        scale = 1 / through if is_seen_through else 1.0
+        return d * scale, np.clip((d + change) * scale, 0, 1)
+    f0 = np.asarray(x.reflectance[:, 3:6], np.float64)
+    if name == "ior":
+        return ior_for(f0[:, :1]), ior_for((f0 + change)[:, :1])
+    return f0, f0 + change
+
+
+# ---- points ------------------------------------------------------------------------------------
+def _why_not_points(scene: Scene, triangles: NDArray, v: Varying) -> str:
+    """Why the points of meshes cannot carry a change; "" where they can."""
+    table = scene.triangles
+    for i in np.unique(table.mesh[triangles]):
+        mesh = scene.meshes[i]
+        if "[" in mesh.path:
+            return f"{mesh.path} is a copy of an instancer, which all have the same points"
+        if not mesh.has_points:
+            return f"{mesh.path} has no points of its own that stay in place"
+    near = nearest_on_triangles(table.positions[triangles], v.places.position)
+    corners = np.broadcast_to(np.eye(3)[:, 1:], (len(v.places), 3, 2)).reshape(-1, 2).astype(np.float32)
+    at_corners = v.at(places_at(scene, np.repeat(triangles[near.triangle], 3).astype(np.int32), corners))
+    share = np.concatenate([1 - near.barycentric.sum(1, keepdims=True), near.barycentric], 1)
+    between = np.einsum("nk,nkc->nc", share, at_corners.reshape(len(v.places), 3, -1))
+    own = v.at(v.places)
+    if np.abs(between - own).max() > BETWEEN_POINTS * np.ptp(own, axis=0).max():
+        return "its points are too far apart to hold the change"
+    return ""
+
+
+def _by_vertex(scene: Scene, material: int, name: str, v: Varying) -> ByVertex:
+    """The input's values at any points of a gprim: those of the nearest place of its surface."""
+    table, m = scene.triangles, scene.materials[material]
+
+    def at(gprim: str, points: F64) -> F64:
+        mesh = next(i for i, one in enumerate(scene.meshes) if one.path == gprim)
+        own = np.flatnonzero((table.mesh == mesh) & (table.material == material))
+        near = nearest_on_triangles(table.positions[own], points)
+        places = places_at(scene, own[near.triangle].astype(np.int32), near.barycentric.astype(np.float32))
+        return _values(m, name, v, places)[1]
+
+    before, after = (x.mean(0) for x in _values(m, name, v, v.places))
+    return ByVertex(tuple(float(x) for x in before), tuple(float(x) for x in after), at, scene.frame)
+
