@@ -47,6 +47,8 @@ def plain(folder: Path, context: str = "") -> Path:
         material = UsdShade.Material.Define(stage, "/World/mtl/final")
         node = UsdShade.Shader.Define(stage, "/World/mtl/final/node")
         node.CreateIdAttr("standard_surface")
+        node.CreateInput("base_color", Sdf.ValueTypeNames.Color3f).Set(Gf.Vec3f(*SHOWN["diffuse"]))
+        node.CreateInput("specular_roughness", Sdf.ValueTypeNames.Float).Set(SHOWN["roughness"])
         material.CreateSurfaceOutput(context).ConnectToSource(node.CreateOutput("out", Sdf.ValueTypeNames.Token))
         UsdShade.MaterialBindingAPI.Apply(floor.GetPrim()).Bind(material)
     stage.GetRootLayer().Save()

@@ -105,7 +105,7 @@ def _author(
         for i in range(first, len(written)):
             bindings[i] = writer.bound
     if made:
-        said += _write_made(stage, look, made)
+        said += _write_made(stage, look, made, out.parent)
     with Sdf.ChangeBlock():
         copy_shot_metadata(stage, look.layer)
         if name := default_prim_name(stage):
@@ -130,12 +130,12 @@ def _author(
     return written
 
 
-def _write_made(stage: Usd.Stage, look: LookLayer, made: PreviewMaterials) -> list[str]:
+def _write_made(stage: Usd.Stage, look: LookLayer, made: PreviewMaterials, folder: Path) -> list[str]:
     """Writes the new materials that were edited, as the shot has none; says which gprims they are for."""
     plain = copy(look)
     plain.stage = stage
     edited, inherited = edited_ones(made, look.layer)
-    write_made(plain, made.made, edited, inherited)
+    write_made(plain, made.made, edited, inherited, folder)
     notes = Notes()
     for each in made.made:
         if each.material in edited | inherited:

@@ -4,9 +4,10 @@
     make_preview(stage, prims=None) -> PreviewMaterials        a layer to put over the shot
     write_made(look, made, materials) -> None                  those that a look layer edits, into it
 
-A new material reproduces what the gprim shows without one: its displayColor and displayOpacity, constant or
-by a primvar reader, on the fallbacks of UsdPreviewSurface.  Gprims share one that show the same and are
-bound to the same.
+A new material shows what the material of another renderer (mtlx, ri, arnold) shows that the gprim is bound to, as
+near as a UsdPreviewSurface can: preview_look.py.  Where there is none that can be read, it shows displayColor and
+displayOpacity, constant or by a primvar reader, on the fallbacks of UsdPreviewSurface.  Gprims share one that show
+the same and are bound to the same.
 Where a material of another context (mtlx, ri, ...) is bound, the new binding is for purpose preview only:
 final renders keep theirs, and do not see the edits.
 """
@@ -15,26 +16,22 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade
+from pxr import Sdf, Usd, UsdGeom, UsdShade
 
 from usdslf.usd.change_writer import SCOPE
+from usdslf.usd.driven import Driven, constant
 from usdslf.usd.look_layer import LookLayer, bound_relationship, gprims_of, parts_of, preview_surface
 from usdslf.usd.notes import Notes
+from usdslf.usd.preview_look import Look, look_of
+from usdslf.usd.preview_nodes import write_preview
 from usdslf.usd.shot_metadata import copy_shot_metadata, default_prim_name
 
-Names = Sdf.ValueTypeNames
 GREY = (0.18, 0.18, 0.18)  # of UsdPreviewSurface
-# primvar: input, type of the input, id and type of the reader
-_DISPLAY = {
-    "displayColor": ("diffuseColor", Names.Color3f, "UsdPrimvarReader_float3", Names.Float3),
-    "displayOpacity": ("opacity", Names.Float, "UsdPrimvarReader_float", Names.Float),
-}
-
-
-Shows = dict[str, tuple[float, ...] | str]
+_DISPLAY = {"displayColor": ("diffuseColor", GREY), "displayOpacity": ("opacity", (1.0,))}
 
 
 @dataclass(frozen=True)
@@ -43,7 +40,7 @@ class _Made:
 
     prim: Sdf.Path
     material: Sdf.Path
-    shows: Shows
+    shows: Look
     relationship: str
 
 
@@ -66,12 +63,13 @@ def make_preview(stage: Usd.Stage, prims: Iterable[Usd.Prim] | None = None) -> P
     """Makes and binds UsdPreviewSurface materials for gprims and GeomSubsets that have none."""
     look, notes = LookLayer(stage), Notes()
     paths: dict[Any, Sdf.Path] = {}
+    looks: dict[Any, Look | None] = {}
     made = []
     for prim in without_preview(stage) if prims is None else prims:
         gprim = prim.GetParent() if prim.IsA(UsdGeom.Subset) else prim
-        shows = {name: _display(gprim, name) for name in _DISPLAY}
         bound = _named_material(prim)
-        key = (*shows.values(), bound)
+        shows = _shown(stage, prim, gprim, bound, looks, notes)
+        key = (tuple(sorted(shows.items())), bound)
         if key not in paths:
             paths[key] = _free_path(look, gprim, set(paths.values()))
         relationship = "material:binding"
@@ -102,14 +100,19 @@ def edited_ones(made: PreviewMaterials, look: Sdf.Layer) -> tuple[set[Sdf.Path],
     return edited, (materials & bases) - edited
 
 
-def write_made(look: LookLayer, made: Iterable[_Made], bound: set[Sdf.Path], inherited: Any = ()) -> None:
-    """Writes new materials, and the bindings of those in `bound`; what the layer says already stays."""
+def write_made(
+    look: LookLayer, made: Iterable[_Made], bound: set[Sdf.Path], inherited: Any = (), folder: Path | None = None
+) -> None:
+    """Writes new materials, and the bindings of those in `bound`; what the layer says already stays.
+
+    Files are named from the folder, or from the root.
+    """
     defined: set[Sdf.Path] = set()
     for each in made:
         if each.material not in bound and each.material not in inherited:
             continue
         if each.material not in defined:
-            _define(look, each.material, each.shows)
+            write_preview(look, each.material, each.shows, folder)
             defined.add(each.material)
         place = look.place(each.prim)
         has_own = look.layer.GetRelationshipAtPath(place.AppendProperty(each.relationship))
@@ -126,18 +129,44 @@ def _contexts(stage: Usd.Stage, material: Sdf.Path) -> str:
     prim = stage.GetPrimAtPath(material)
     if not prim or not prim.IsA(UsdShade.Material):
         return "which this build cannot read"
-    outputs = UsdShade.Material(prim).GetSurfaceOutputs()
+    outputs = [o for o in UsdShade.Material(prim).GetSurfaceOutputs() if o.HasConnectedSource()]
     return ", ".join(o.GetBaseName().rpartition(":")[0] or "universal" for o in outputs) or "no surface"
 
 
-def _display(gprim: Usd.Prim, name: str) -> tuple[float, ...] | str:
-    """The one value of a display primvar, its name where it varies, or () where there is none."""
-    primvar = UsdGeom.PrimvarsAPI(gprim).FindPrimvarWithInheritance(name)
-    value = primvar.Get(Usd.TimeCode.EarliestTime()) if primvar else None
-    if value is None or len(value) == 0:
-        return ()
-    varies = len(value) > 1 or primvar.ValueMightBeTimeVarying()
-    return name if varies else tuple(float(x) for x in np.ravel(value[0]))
+def _shown(
+    stage: Usd.Stage, prim: Usd.Prim, gprim: Usd.Prim, bound: Sdf.Path, looks: dict[Any, Look | None], notes: Notes
+) -> Look:
+    """What a gprim shows: the look of the material that it is bound to, else its displayColor."""
+    plain = _display(gprim)
+    if bound.isEmpty:
+        return plain
+    color = UsdGeom.PrimvarsAPI(gprim).FindPrimvarWithInheritance("displayColor")
+    shown = plain["diffuseColor"].number or () if color and color.HasValue() else ()
+    if (bound, shown) not in looks:
+        looks[bound, shown] = look_of(stage, bound, notes, shown)
+    found = looks[bound, shown]
+    if found is None:
+        notes.add(f"{bound} ({_contexts(stage, bound)}) has no surface that can be shown: {{}} keeps its displayColor",
+                  prim.GetPath())  # fmt: skip
+    return found if found is not None else plain
+
+
+def _display(gprim: Usd.Prim) -> Look:
+    """displayColor and displayOpacity: a number, or the primvar where it varies."""
+    look: Look = {}
+    for name, (port, fallback) in _DISPLAY.items():
+        primvar = UsdGeom.PrimvarsAPI(gprim).FindPrimvarWithInheritance(name)
+        value = primvar.Get(Usd.TimeCode.EarliestTime()) if primvar else None
+        if value is None or len(value) == 0:
+            look[port] = constant(*fallback)
+        elif len(value) > 1 or primvar.ValueMightBeTimeVarying():
+            size = len(fallback)
+            look[port] = Driven((1.0,) * size, (0.0,) * size, name, "rgb"[:size], fallback)
+        else:
+            look[port] = constant(*np.ravel(value[0]))
+    if look["opacity"] == constant(1.0):
+        del look["opacity"]
+    return look
 
 
 def _named_material(prim: Usd.Prim) -> Sdf.Path:
@@ -162,51 +191,3 @@ def _free_path(look: LookLayer, gprim: Usd.Prim, taken: set[Sdf.Path]) -> Sdf.Pa
         number += 1
         free = look.free_path(path.ReplaceName(f"{path.name}_{number}"))
     return free
-
-
-def _define(look: LookLayer, path: Sdf.Path, shows: Shows) -> None:
-    """Defines a material that shows what a gprim shows without one."""
-    if not look.stage.GetPrimAtPath(path.GetParentPath()):
-        look.define(path.GetParentPath(), "Scope")
-    material = look.define(path, "Material")
-    shader = look.define(path.AppendChild("surface"), "Shader")
-    _say_id(shader, "UsdPreviewSurface")
-    output = shader.path.AppendProperty("outputs:surface")
-    if not look.layer.GetAttributeAtPath(output):
-        Sdf.AttributeSpec(shader, "outputs:surface", Names.Token, declaresCustom=False)
-    _connect(material, "outputs:surface", Names.Token, output)
-    for name, (port, kind, reader_id, reader_type) in _DISPLAY.items():
-        value = shows[name]
-        if isinstance(value, str):
-            reader = look.define(path.AppendChild(name), "Shader")
-            _say_id(reader, reader_id)
-            fallback = Gf.Vec3f(*GREY) if port == "diffuseColor" else 1.0
-            _put_new(look, reader, "inputs:varname", Names.String, name)
-            _put_new(look, reader, "inputs:fallback", reader_type, fallback)
-            if "outputs:result" not in reader.attributes:
-                Sdf.AttributeSpec(reader, "outputs:result", reader_type, declaresCustom=False)
-            _connect(shader, f"inputs:{port}", kind, reader.path.AppendProperty("outputs:result"))
-        elif port == "diffuseColor":
-            _put_new(look, shader, "inputs:diffuseColor", kind, Gf.Vec3f(*(value or GREY)))
-        elif value and value != (1.0,):
-            _put_new(look, shader, "inputs:opacity", kind, value[0])
-
-
-def _put_new(look: LookLayer, spec: Sdf.PrimSpec, name: str, kind: Sdf.ValueTypeName, value: Any) -> None:
-    if name not in spec.attributes:
-        look.put(spec, name, kind, value)
-
-
-def _say_id(spec: Sdf.PrimSpec, name: str) -> None:
-    if "info:id" in spec.attributes:
-        return
-    attribute = Sdf.AttributeSpec(spec, "info:id", Names.Token, Sdf.VariabilityUniform, declaresCustom=False)
-    attribute.default = name
-
-
-def _connect(spec: Sdf.PrimSpec, name: str, kind: Sdf.ValueTypeName, source: Sdf.Path) -> None:
-    if name in spec.attributes:
-        return
-    attribute = Sdf.AttributeSpec(spec, name, kind, declaresCustom=False)
-    attribute.connectionPathList.ClearEditsAndMakeExplicit()
-    attribute.connectionPathList.explicitItems = [source]
