@@ -13,8 +13,6 @@ from stage_parts import InputValue, StageBuilder, TextureInput, checker, write_i
 from varying_floor import (
     F0,
     GREY,
-    LEFT,
-    RIGHT,
     ROUGHNESS,
     add_lamp,
     gradient,
