@@ -139,26 +139,20 @@ __kernel void add_detail(__global const ushort *place, __global const float *emi
 
 /* how far the reflected light of each element is from what is wanted
  * emission  (N, 3); outgoing, wanted (N, D, 3)
- * misfit    (N): result, squares summed over bins and channels
+ * misfit    (N, 2): result, squares of that and of what is wanted, summed over bins and channels
  */
 __kernel void misfit(__global const float *emission, __global const float *outgoing, __global const float *wanted,
                      const uint count, __global float *misfit)
 {
     uint i = get_global_id(0);
     if (i >= count) return;
-    float3 e = load3(emission, i), sum = (float3)(0.0f);
+    float3 e = load3(emission, i);
+    float apart = 0.0f, all = 0.0f;
     for (size_t at = (size_t)i * D_BINS; at < (size_t)(i + 1) * D_BINS; at++) {
-        float3 apart = load3(outgoing, at) - e - load3(wanted, at);
-        sum += apart * apart;
+        float3 w = load3(wanted, at), off = load3(outgoing, at) - e - w;
+        apart += dot(off, off);
+        all += dot(w, w);
     }
-    misfit[i] = sum.x + sum.y + sum.z;
-}
-
-/* light without a part of it
- * all, part, rest (size): rest is the result
- */
-__kernel void take_off(__global const float *all, __global const float *part, const ulong size, __global float *rest)
-{
-    size_t i = get_global_id(0);
-    if (i < size) rest[i] = all[i] - part[i];
+    misfit[2 * i] = apart;
+    misfit[2 * i + 1] = all;
 }

@@ -5,8 +5,9 @@ The wanted light is L + amount (L - B), B the mean of what surrounds a place as 
 the light field is an edge of the picture, from every view, and a highlight is compared with the surface beside it
 rather than with the same highlight on an element that is turned otherwise.  B takes in whatever lies near in space, on
 any gprim (surroundings.py).  Only reflected light counts: emission cannot change, and a lamp would blacken all around
-it.  Each element is then given the reflectance that explains what is wanted there best (element_fit.py); the light
-goes round, and it is asked again under the new light.
+it.  Each element is then given the reflectance that explains what is wanted there best (element_solve.py): noise does
+not move all its parameters, for more of them cost more, and what light hardly shows stays as it is, for a price that
+grows with the change; a metal stays one.  The light goes round, and it is asked again under the new light.
 
 Source: Nguyen et al. 2013, 7 and figure 22; Ritschel et al. 2008, 3D unsharp masking.
 """
@@ -23,8 +24,8 @@ from scipy.spatial import cKDTree
 
 from usdslf.blue_noise import surface_coordinates
 from usdslf.directions import D, bin_directions
-from usdslf.element_fit import CHANGES, ElementFit, ElementFitter
-from usdslf.element_products import Products, take_products
+from usdslf.edits import FREED
+from usdslf.element_solve import OWN, ElementCandidates, choose_candidates, enumerate_elements, follows_f0, joined
 from usdslf.elements import Elements
 from usdslf.errors import AuthorError, InputError
 from usdslf.light_field import LightField, Surface
@@ -36,6 +37,11 @@ RADIUS = 0.1  # of the scene's diagonal
 FEWEST = 4  # places that the surroundings of most elements must have
 ROUNDS = 2  # of light going round
 CONVERGED = 0.01  # relative change of the residual between rounds
+FACTORS = {"l0": (1.0, 1.0, np.inf, np.inf), "mixed": (1.0, 1.0, 1.6, 2.6), "l2": (1.0, 1.0, 1.0, 1.0)}
+"""Of the misfit where none, one, two, three parameters of an element change."""
+HOLD = (1e-3, 1e-2, 2e-3)  # price of diffuse, F0, roughness that moves by one, relative to the light there, squared
+MISFIT = 5e-3  # relative, below which nothing needs to change
+NOISE = 0.01  # relative misfit that is no reason to change one more parameter
 SEEN = (0.004, 0.004, 0.01)  # a change of diffuse, specular, roughness at an element that counts as one
 SMOOTH_OVER, SMOOTH_WITHIN = 10, 1.5  # elements and spacings that changes are averaged over
 ALIKE = 0.2  # a difference of reflectance that counts as one spacing
@@ -48,7 +54,7 @@ class MaterialStyle:
 
     material: int  # into Scene.materials
     elements: NDArray[np.int64]  # (n,) its elements
-    freed: tuple[str, ...]  # which of CHANGES it underwent
+    freed: tuple[str, ...]  # which of diffuse, specular, glossiness changed
     before: dict[str, NDArray]  # diffuse (3,), specular (3,), roughness (1,)
     after: dict[str, NDArray]
     residual_before: float  # relative RMS over its elements and all directions
@@ -67,14 +73,15 @@ class Stylized:
     amount: float
     radius: float  # of the scene's diagonal
     before: Surface
-    fit: ElementFit  # the reflectance of all elements, after
+    after: Surface
     styles: tuple[MaterialStyle, ...]  # of each material that may change and is seen by light
     rounds: tuple[float, ...]  # residual over the scene after each
 
     def change_at(self, rows: NDArray) -> tuple[F64, F64, F64]:
         """Returns the changes of diffuse (n, 3), F0 (n, 3) and roughness (n,) at elements."""
-        f, s = self.fit, self.before
-        return f.diffuse[rows] - s.diffuse[rows], f.f0[rows] - s.f0[rows], f.roughness[rows] - s.roughness[rows]
+        take = lambda s, name: getattr(s, name)[rows].astype(np.float64)  # noqa: E731
+        change = lambda name: take(self.after, name) - take(self.before, name)  # noqa: E731
+        return change("diffuse"), change("f0"), change("roughness")
 
 
 def check_numbers(amount: float, radius: float) -> None:
@@ -158,78 +165,89 @@ def stylize_light(
         norm: l0 | mixed | l2.
     """
     elements, start = field.elements, field.surface
-    is_free = np.isin(elements.material, free)
-    solid = elements.opacity / np.maximum(elements.presence, 1e-6)
-    fitter = ElementFitter(start, np.repeat(is_free[:, None], 3, 1), np.clip(solid, 0, 1), field.model, norm)
     if amount == 0:
-        fit = _as_it_is(start)
-        yield Stylized(amount, radius, start, fit, tuple(_style(m, field, start, fit) for m in free), (0.0,))
+        none = np.zeros((len(elements), 2))
+        yield Stylized(amount, radius, start, start, tuple(_style(m, field, start, none, none) for m in free), (0.0,))
         return
+    may_change = np.repeat(np.isin(elements.material, free)[:, None], 3, 1)
+    may_change[follows_f0(field), 0] = False
+    counted = np.isin(elements.material, free)
     wanted_d = mask_light(field, near, amount)
-    before = _misfit(field, wanted_d)
+    before = take_misfit(field, wanted_d)
     kept: Stylized | None = None
     for _ in range(ROUNDS):
-        products = _products(field, wanted_d)
-        fit = fitter.fit(products)
+        now = field.surface
+        found, scale = ask_elements(field, wanted_d)
         if kept is None:
+            after = choose_surface(field, found, scale, may_change, norm)
             for m in free:
-                fitter.free[elements.material == m] &= _is_common(m, field, start, fit)
-            fit = fitter.fit(products)
-        fit = smooth_changes(elements, start, fit)
-        fit = _under_new_light(field, start, fit, wanted_d, bounces, before)
-        worse = [m for m in free if _style(m, field, start, fit).got_worse]
+                may_change[elements.material == m] &= _is_common(m, field, start, after)
+        after = smooth_changes(elements, now, choose_surface(field, found, scale, may_change, norm))
+        misfit = _under_new_light(field, after, wanted_d, bounces)
+        worse = [m for m in free if _style(m, field, start, before, misfit).got_worse]
         if worse:
             rows = np.isin(elements.material, worse)
-            fitter.free[rows] = False
-            fit = _under_new_light(field, start, _put_back(start, fit, rows), wanted_d, bounces, before)
-        residual = _residual(fit.misfit_after[is_free], fit.wanted[is_free])
+            may_change[rows] = False
+            after = after.with_rows(rows, **{k: getattr(start, k)[rows] for k in ("diffuse", "f0", "f90", "roughness")})
+            misfit = _under_new_light(field, after, wanted_d, bounces)
+        residual = _residual(misfit[counted])
         rounds = (*(kept.rounds if kept else ()), residual)
         if kept is not None and residual >= kept.rounds[-1]:
             return
         is_done = kept is not None and kept.rounds[-1] - residual < CONVERGED * kept.rounds[-1]
-        kept = Stylized(amount, radius, start, fit, tuple(_style(m, field, start, fit) for m in free), rounds)
+        styles = tuple(_style(m, field, start, before, misfit) for m in free)
+        kept = Stylized(amount, radius, start, after, styles, rounds)
         yield kept
         if is_done:
             return
 
 
-def _under_new_light(
-    field: LightField, start: Surface, fit: ElementFit, wanted_d: Any, bounces: int, before: F64
-) -> ElementFit:
-    """Sends the light round with a fitted reflectance; returns the fit with its misfit then."""
-    values = {k: getattr(fit, k).astype(np.float32) for k in ("diffuse", "f0", "f90", "roughness")}
-    field.set_surface(replace(start, **values))
+def ask_elements(field: LightField, wanted_d: Any) -> tuple[ElementCandidates, F64]:
+    """Returns all candidates of all elements, by roughness, and the light (n,) there, squared.
+
+    It is what is wanted, what is missing and what is emitted: what is wanted alone may be darkness.
+    """
+    order = np.argsort(field.surface.roughness, kind="stable")
+    glow = D * (np.asarray(field.surface.emission, np.float64) ** 2).sum(1)
+    scale = take_misfit(field, wanted_d).sum(1) + glow
+    hold = scale[:, None] / 3 * HOLD[:2]
+    return joined(list(enumerate_elements(field, order, wanted_d, hold=hold[order]))), scale[order]
+
+
+def choose_surface(field: LightField, found: ElementCandidates, scale: F64, may_change: NDArray, norm: str) -> Surface:
+    """Returns the best valid reflectance of all elements, with no change that `may_change` (N, 3) forbids."""
+    s, e = field.surface, found.element
+    is_wanting = found.residual_before > MISFIT**2 * scale
+    moved = [(x - x[:, OWN:, :1]).astype(np.float64) ** 2 for x in (found.diffuse, found.f0)]
+    turned = (found.roughness - found.roughness[:, OWN:]) ** 2
+    price = HOLD[0] * moved[0].mean(-1) + HOLD[1] * moved[1].mean(-1) + HOLD[2] * turned[..., None]
+    change = choose_candidates(
+        found, FACTORS[norm], may_change[e] & is_wanting[:, None], NOISE**2 * scale, scale[:, None, None] * price
+    )
+    f90 = np.where(follows_f0(field)[e, None] & change.changed[:, 1:2], change.f0, s.f90[e])
+    return s.with_rows(e, diffuse=change.diffuse, f0=change.f0, f90=f90, roughness=change.roughness)
+
+
+def _under_new_light(field: LightField, after: Surface, wanted_d: Any, bounces: int) -> F64:
+    """Sends the light round with a reflectance; returns its misfit."""
+    field.set_surface(after)
     for _ in field.converge(bounces):
         pass
-    return replace(fit, misfit_before=before, misfit_after=_misfit(field, wanted_d))
+    return take_misfit(field, wanted_d)
 
 
-def _put_back(start: Surface, fit: ElementFit, rows: NDArray) -> ElementFit:
-    """The fit with some elements (N,) as they were."""
-    old = _as_it_is(start)
-    column = rows[:, None]
-    return replace(
-        fit,
-        diffuse=np.where(column, old.diffuse, fit.diffuse),
-        f0=np.where(column, old.f0, fit.f0),
-        f90=np.where(column, old.f90, fit.f90),
-        roughness=np.where(rows, old.roughness, fit.roughness),
-        changed=fit.changed & ~column,
-    )
-
-
-def smooth_changes(elements: Elements, start: Surface, fit: ElementFit) -> ElementFit:
+def smooth_changes(elements: Elements, before: Surface, after: Surface) -> Surface:
     """Averages changes over the next elements that lie on the same surface and look alike.
 
-    Light that a few rays brought to an element is uneven, and masking sharpens that too.  A mean of valid reflectances
-    is valid.
+    Light that a few rays brought to an element is uneven, and masking sharpens that too.  What differs before keeps
+    its difference, within 0..1.
     """
     n = len(elements)
     group = elements.part * 2 + (elements.side < 0)
     number = np.bincount(group)
     spacing = np.sqrt(np.bincount(group, elements.area) / np.maximum(number, 1))
     place = surface_coordinates(elements.position, elements.normal, group, spacing[group])
-    look = np.concatenate([start.diffuse, start.f0, start.roughness[:, None]], 1) / ALIKE
+    look = np.concatenate([before.diffuse, before.f0, before.roughness[:, None]], 1) / ALIKE
     distance, near = cKDTree(np.concatenate([place, look], 1)).query(
         np.concatenate([place, look], 1), k=min(SMOOTH_OVER, n), distance_upper_bound=SMOOTH_WITHIN
     )
@@ -238,34 +256,18 @@ def smooth_changes(elements: Elements, start: Surface, fit: ElementFit) -> Eleme
     weight /= weight.sum(1, keepdims=True)
     near = np.minimum(near, n - 1)
 
-    def mean(name: str) -> F64:
-        before = np.asarray(getattr(start, name), np.float64)
-        return before + np.einsum("nk,nk...->n...", weight, (getattr(fit, name) - before)[near])
+    def mean(name: str) -> NDArray:
+        was = np.asarray(getattr(before, name), np.float64)
+        change = np.einsum("nk,nk...->n...", weight, (getattr(after, name) - was)[near])
+        return np.clip(was + change, 0, 1).astype(np.float32)
 
-    return replace(fit, diffuse=mean("diffuse"), f0=mean("f0"), f90=mean("f90"), roughness=mean("roughness"))
-
-
-def _products(field: LightField, wanted_d: Any) -> Products:
-    """Products with what is wanted of all but the clear coats."""
-    device, s = field.device, field.surface
-    coated = np.flatnonzero(s.clearcoat > 0) if field.model != "phong" else np.zeros(0, np.int64)
-    if len(coated):
-        weights = np.zeros((len(coated), 4, 3), np.float32)
-        weights[:, 2], weights[:, 3] = (s.clearcoat * s.coat_f0)[coated, None], s.clearcoat[coated, None]
-        coat_d = field.respond(coated, weights, s.clearcoat_roughness[coated])
-        size = len(s.roughness) * D * 3
-        rest_d = device.empty(wanted_d.shape, np.float32)
-        device.kernel("stylize", "take_off")((size,), (64,), wanted_d, coat_d, np.uint64(size), rest_d)
-        wanted_d = rest_d
-    *_, products = take_products(field, wanted_d)
-    assert isinstance(products, Products)
-    return products
+    return replace(after, **{name: mean(name) for name in ("diffuse", "f0", "f90", "roughness")})
 
 
-def _misfit(field: LightField, wanted_d: Any) -> F64:
-    """Squared distance (N,) of the reflected light of now from what is wanted."""
+def take_misfit(field: LightField, wanted_d: Any) -> F64:
+    """Takes squared distances (N, 2) of the reflected light of now from what is wanted, and of that from darkness."""
     device, n = field.device, len(field.elements)
-    misfit_d = device.empty((n,), np.float32)
+    misfit_d = device.empty((n, 2), np.float32)
     size = -(-n // 64) * 64
     device.kernel("stylize", "misfit")(
         (size,), (64,), field.emission_d, field.outgoing_d, wanted_d, np.uint32(n), misfit_d
@@ -273,44 +275,37 @@ def _misfit(field: LightField, wanted_d: Any) -> F64:
     return np.asarray(device.download(misfit_d), np.float64)
 
 
-def _as_it_is(s: Surface) -> ElementFit:
-    """The reflectance that is there, which explains the light that is there."""
-    d, f0, f90, roughness = (np.asarray(x, np.float64) for x in (s.diffuse, s.f0, s.f90, s.roughness))
-    none = np.zeros(len(roughness))
-    return ElementFit(d, f0, f90, roughness, np.zeros((len(roughness), 3), bool), none, none, none)
+def _residual(misfit: NDArray) -> float:
+    apart, wanted = misfit.sum(0)
+    return float(np.sqrt(apart / max(wanted, 1e-30)))
 
 
-def _residual(misfit: NDArray, wanted: NDArray) -> float:
-    return float(np.sqrt(misfit.sum() / max(wanted.sum(), 1e-30)))
-
-
-def _moved(start: Surface, fit: ElementFit, rows: NDArray) -> NDArray[np.bool_]:
-    """Which elements (n, 3) underwent each of CHANGES."""
-    moved = (np.abs(fit.diffuse - start.diffuse).max(1), np.abs(fit.f0 - start.f0).max(1))
-    roughness = np.abs(fit.roughness - start.roughness)
+def _moved(before: Surface, after: Surface, rows: NDArray) -> NDArray[np.bool_]:
+    """Which elements (n, 3) changed their diffuse, specular, glossiness."""
+    moved = (np.abs(after.diffuse - before.diffuse).max(1), np.abs(after.f0 - before.f0).max(1))
+    roughness = np.abs(after.roughness - before.roughness)
     return np.stack([m[rows] > s for m, s in zip((*moved, roughness), SEEN)], 1)
 
 
-def _is_common(material: int, field: LightField, start: Surface, fit: ElementFit) -> NDArray[np.bool_]:
-    """Whether each of CHANGES (3,) covers more than SPARSE of a material."""
+def _is_common(material: int, field: LightField, before: Surface, after: Surface) -> NDArray[np.bool_]:
+    """Whether each kind of change (3,) covers more than SPARSE of a material."""
     rows = np.flatnonzero(field.elements.material == material)
     area = field.elements.area[rows]
-    share: NDArray[np.bool_] = area @ _moved(start, fit, rows) > SPARSE * area.sum()
+    share: NDArray[np.bool_] = area @ _moved(before, after, rows) > SPARSE * area.sum()
     return share
 
 
-def _style(material: int, field: LightField, start: Surface, fit: ElementFit) -> MaterialStyle:
+def _style(material: int, field: LightField, start: Surface, before: F64, after: F64) -> MaterialStyle:
+    """What became of a material, from `start` to what the field has now, with its misfits (N, 2)."""
     rows = np.flatnonzero(field.elements.material == material)
     area = field.elements.area[rows].astype(np.float64)
 
-    def means(s: Surface | ElementFit) -> dict[str, NDArray]:
+    def means(s: Surface) -> dict[str, NDArray]:
         values = {"diffuse": s.diffuse, "specular": s.f0, "roughness": s.roughness[:, None]}
         return {k: np.atleast_1d(area @ v[rows] / area.sum()) for k, v in values.items()}
 
-    moved = _moved(start, fit, rows)
-    freed = tuple(c for i, c in enumerate(CHANGES) if moved[:, i].any())
-    wanted = fit.wanted[rows]
+    moved = _moved(start, field.surface, rows)
+    freed = tuple(c for i, c in enumerate(FREED) if moved[:, i].any())
     return MaterialStyle(
-        material, rows, freed, means(start), means(fit),
-        _residual(fit.misfit_before[rows], wanted), _residual(fit.misfit_after[rows], wanted),
-    )  # fmt: skip
+        material, rows, freed, means(start), means(field.surface), _residual(before[rows]), _residual(after[rows])
+    )

@@ -1,7 +1,7 @@
 """The paper's one-bounce solver for one element and one channel set, as equations 2 to 6 are printed, in float64.
 
 Nothing is shared between levels or taken as a difference: A is built, C = A'WA and d = A'Wb are multiplied out, each
-candidate is clamped, and its residual is taken from A x - b itself.  Source: Nguyen et al. 2013, 5.3.
+candidate is held in its bounds, and its residual is taken from A x - b itself.  Source: Nguyen et al. 2013, 5.3.
 """
 
 from __future__ import annotations
@@ -40,13 +40,15 @@ def equation_6(c: F64, d: F64, r_d: float) -> F64:
 
 
 def energy_preserving(x: F64, free: tuple[bool, bool]) -> F64:
-    """Zero where it is negative; x1 + x2 <= 1 by scaling what is free."""
+    """Zero where it (3, 2) is negative; x1 + x2 <= 1 by scaling what is free, all channels alike."""
     x = np.where(free, np.maximum(x, 0), x)
-    if x.sum() <= 1:
-        return x
     if all(free):
-        return x / x.sum()
-    return np.array([1 - x[1], x[1]]) if free[0] else np.array([x[0], 1 - x[0]])
+        return x / max(x.sum(1).max(), 1)
+    for k in (0, 1):
+        room = 1 - x[:, 1 - k]
+        if free[k] and (x[:, k] > room).any():
+            x[:, k] *= min(r / v for r, v in zip(room, x[:, k]) if v > r)
+    return x
 
 
 def candidates_of_level(
@@ -57,24 +59,21 @@ def candidates_of_level(
     light (D, 3) arriving; k_d, k_s (D, D) reflection matrices; wanted (D, 3); weight (D,); r_d, r_s (3,).
     Returns x (4, 3, 2) and residual (4,), infinite where Eq. 3 has no solution.
     """
-    x, residual = np.zeros((4, 3, 2)), np.zeros(4)
+    x, residual = np.tile(np.stack([r_d, r_s], 1), (4, 1, 1)), np.zeros(4)
+    a = np.stack([k_d @ light, k_s @ light], 1)  # (D, 2, 3)
     for channel in range(3):
-        a = np.stack([k_d @ light[:, channel], k_s @ light[:, channel]], 1)
-        b = wanted[:, channel]
-        w_a = weight[:, None] * a  # W A
-        c, d = a.T @ w_a, w_a.T @ b
-        present = np.array([r_d[channel], r_s[channel]])
+        w_a = weight[:, None] * a[..., channel]  # W A
+        c, d = a[..., channel].T @ w_a, w_a.T @ wanted[:, channel]
         both = equation_3(c, d)
-        found = (
-            (present, (False, False)),
-            (equation_5(c, d, present[1]), (True, False)),
-            (equation_6(c, d, present[0]), (False, True)),
-            (present if both is None else both, (True, True)),
-        )
-        for k, (value, free) in enumerate(found):
-            x[k, channel] = energy_preserving(value, free)
-            left = a @ x[k, channel] - b
-            residual[k] += np.inf if k == 3 and both is None else left @ (weight * left)
+        x[1, channel], x[2, channel] = equation_5(c, d, r_s[channel]), equation_6(c, d, r_d[channel])
+        if both is None:
+            residual[3] = np.inf
+        else:
+            x[3, channel] = both
+    for k, free in enumerate(((False, False), (True, False), (False, True), (True, True))):
+        x[k] = energy_preserving(x[k], free)
+        left = np.einsum("dkc,ck->dc", a, x[k]) - wanted
+        residual[k] += (weight[:, None] * left**2).sum()
     return x, residual
 
 

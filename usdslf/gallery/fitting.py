@@ -7,6 +7,8 @@ SPARSE paints the yellow glints of sketch_specular as unevenly as a hand does, a
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -38,10 +40,11 @@ def fit_levels(play: Play) -> None:
     field = session.light_field
     material = next(i for i, m in enumerate(session.scene.materials) if m.path.endswith("/red"))
     ball = np.flatnonzero(field.elements.material == material)
-    wanted = _wanted(field, ball)
+    wanted_d = _wanted(field, ball)
+    wanted = np.asarray(field.device.download(wanted_d)[ball])
     lit = wanted.max((1, 2)) > 0.05 * wanted.max()
     ball, wanted = ball[lit], wanted[lit]
-    parts = list(enumerate_elements(field, ball, wanted))
+    parts = list(enumerate_elements(field, ball, wanted_d))
     levels = gloss_levels("phong")
     residual = np.concatenate([c.residual[:, :-1, BOTH] / c.wanted[:, None] for c in parts])
     diffuse, specular = (np.concatenate([getattr(c, k)[:, :-1, BOTH] for c in parts]) for k in ("diffuse", "f0"))
@@ -89,12 +92,11 @@ def fit_levels(play: Play) -> None:
         play.picture("hemispheres", _disks(strip, float(wanted[one].max())), caption)
 
 
-def _wanted(field: LightField, rows: NDArray) -> NDArray[np.float32]:
-    """Light (n, D, 3) that elements would send out with the reflectance WANTED."""
+def _wanted(field: LightField, rows: NDArray) -> Any:
+    """Light, a device array (N, D, 3), that elements would send out with the reflectance WANTED."""
     like = lambda v: np.tile(np.float32(v), (len(rows), 1))  # noqa: E731
     weights = column_weights("phong", like(WANTED["diffuse"]), like(WANTED["specular"]), like((1.0, 1.0, 1.0)))
-    sent_d = field.respond(rows, weights.astype(np.float32), np.full(len(rows), WANTED["roughness"]))
-    return np.asarray(field.device.download(sent_d)[rows])
+    return field.respond(rows, weights.astype(np.float32), np.full(len(rows), WANTED["roughness"]))
 
 
 def _sent(field: LightField, row: int, d: F64, f0: F64, roughness: float) -> NDArray[np.float32]:

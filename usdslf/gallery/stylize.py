@@ -42,7 +42,7 @@ def run(play: Play) -> None:
         )  # fmt: skip
     freed = sorted({name for style in found.styles for name in style.freed})
     play.shows("diffuse, specular and glossiness change", len(freed) == 3, ", ".join(freed))
-    values = np.concatenate([found.fit.diffuse.ravel(), found.fit.f0.ravel(), found.fit.roughness])
+    values = np.concatenate([found.after.diffuse.ravel(), found.after.f0.ravel(), found.after.roughness])
     play.shows(
         "the result is a valid reflectance", values.min() >= 0 and values.max() <= 1,
         f"{values.min():.3f} .. {values.max():.3f}",

@@ -1,23 +1,25 @@
-"""Element fit: products against explicit sums, and what is recovered, held in bounds, or left alone."""
+"""Element solve as stylize asks it, by least squares of the light: what is recovered, held in bounds, or left alone."""
 
 from __future__ import annotations
 
+from collections import namedtuple
 from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from light_field_scenes import lone_elements
-from reference.element_fit import fit_freely, model
+from reference.element_least import fit_freely, model
 
 from usdslf.directions import D, bin_directions
-from usdslf.element_fit import ElementFit, ElementFitter
-from usdslf.element_products import Products, take_products
+from usdslf.element_solve import FITTED, OWN, ElementCandidates, enumerate_elements, follows_f0
 from usdslf.gpu.device import Device
 from usdslf.light_field import LightField
+from usdslf.stylize import ask_elements, choose_surface
 from usdslf.visibility import ESCAPES
 
 N = 37  # no multiple of a block
+Fit = namedtuple("Fit", "diffuse f0 roughness changed")
 
 
 def _light(rng: np.random.Generator) -> np.ndarray:
@@ -60,16 +62,17 @@ def scene(device: Device) -> SimpleNamespace:
     return SimpleNamespace(field=field, elements=elements, columns=columns, sent=sent, device=device)
 
 
-def _products(scene: SimpleNamespace, wanted: np.ndarray) -> Products:
-    *shares, found = take_products(scene.field, scene.device.upload(wanted.astype(np.float32)))
-    assert isinstance(found, Products)
-    assert shares[-1] == 1
-    return found
+def _ask(scene: SimpleNamespace, wanted: np.ndarray) -> tuple[ElementCandidates, np.ndarray]:
+    return ask_elements(scene.field, scene.device.upload(np.ascontiguousarray(wanted, np.float32)))
 
 
-def _fit(scene: SimpleNamespace, wanted: np.ndarray, norm: str = "mixed", **more: np.ndarray) -> ElementFit:
-    fitter = ElementFitter(scene.field.surface, more.get("free", np.ones((N, 3))), np.ones(N), norm=norm)
-    return fitter.fit(_products(scene, wanted))
+def _fit(scene: SimpleNamespace, wanted: np.ndarray, norm: str = "mixed", free: np.ndarray | None = None) -> Fit:
+    """What is chosen for each element, and which parameters that changed."""
+    may = np.ones((N, 3), bool) if free is None else free
+    after = choose_surface(scene.field, *_ask(scene, wanted), may, norm)
+    before = scene.field.surface
+    moved = (after.diffuse != before.diffuse).any(1), (after.f0 != before.f0).any(1)
+    return Fit(after.diffuse, after.f0, after.roughness, np.stack([*moved, after.roughness != before.roughness], 1))
 
 
 def _own(scene: SimpleNamespace) -> dict[str, np.ndarray]:
@@ -78,15 +81,6 @@ def _own(scene: SimpleNamespace) -> dict[str, np.ndarray]:
         "d": s.diffuse.astype(float), "f0": s.f0.astype(float), "f90": s.f90.astype(float),
         "roughness": s.roughness.astype(float),
     }  # fmt: skip
-
-
-@pytest.mark.parametrize("offset", [0.0, 0.013, 0.037])
-def test_products_are_sums_over_the_bins(scene: SimpleNamespace, offset: float) -> None:
-    wanted = np.random.default_rng(1).uniform(0, 2, (N, D, 3)).astype(np.float32)
-    roughness = np.clip(np.linspace(0.05, 0.96, N) + offset, 0.05, 1)
-    vectors = np.concatenate([scene.columns(roughness), wanted[None].astype(float)])
-    explicit = np.einsum("indc,jndc->ncij", vectors, vectors)
-    np.testing.assert_allclose(_products(scene, wanted).at(roughness), explicit, rtol=2e-4, atol=1e-6)
 
 
 def test_the_light_as_it_is_asks_for_nothing(scene: SimpleNamespace) -> None:
@@ -124,22 +118,17 @@ def test_glossiness_is_found_on_its_levels(scene: SimpleNamespace) -> None:
 def test_closed_forms_are_as_good_as_trust_regions(scene: SimpleNamespace, what: tuple[str, ...]) -> None:
     p = _own(scene)
     wanted = scene.sent(np.clip(p["d"] * 0.7, 0, 1), np.clip(p["f0"] + 0.2, 0, 1), p["f90"], p["roughness"] * 0.8)
-    wanted = wanted * np.random.default_rng(2).uniform(0.8, 1.2, (N, 1, 3))
-    fitter = ElementFitter(scene.field.surface, np.ones((N, 3)), np.ones(N), norm="l2")
-    products = _products(scene, wanted)
-    g = products.at(fitter.roughness)
-    scale = np.zeros(N)
-    found = {
-        tuple(np.array(("diffuse", "specular"))[list(freed[:2])]): state
-        for freed, state in fitter._candidates(g, scale, False)
-    }[what]
+    wanted = np.float32(wanted * np.random.default_rng(2).uniform(0.8, 1.2, (N, 1, 3)))
+    (found,) = enumerate_elements(scene.field, np.arange(N), scene.device.upload(wanted), hold=np.zeros((N, 2)))
+    kind = FITTED.index("+".join(what))
     columns = scene.columns(p["roughness"])
     for i in range(0, N, 6):
         best = fit_freely(columns[:, i], wanted[i], p["d"][i], p["f0"][i], p["f90"][i], what, is_grey=True)
         error = lambda d, f0, i=i: ((model(columns[:, i], d, f0, p["f90"][i]) - wanted[i]) ** 2).sum()  # noqa: E731
-        ours, least = error(found.diffuse[i], found.f0[i]), error(best[:3], best[3:])
+        ours, least = error(found.diffuse[i, OWN, kind], found.f0[i, OWN, kind]), error(best[:3], best[3:])
         is_inside = best.min() > 0.01 and best.max() < 0.99  # at a bound, all channels are scaled alike
         assert ours <= least * (1.001 if is_inside else 1.1) + 1e-6, i
+        np.testing.assert_allclose(found.residual[i, OWN, kind], ours, rtol=1e-3)
 
 
 def test_results_are_valid_and_keep_their_hue(scene: SimpleNamespace) -> None:
@@ -169,18 +158,24 @@ def test_no_light_and_no_freedom_change_nothing(scene: SimpleNamespace, device: 
     assert fit.changed[4:, 1:].any()
     visibility = SimpleNamespace(hit=np.full((N, D), ESCAPES, np.uint32))
     dark = LightField(device, scene.elements, None, visibility, np.zeros((N, D, 3), np.float32), np.zeros((0, 3)))
-    *_, products = take_products(dark, device.upload(np.zeros((N, D, 3), np.float32)))
-    fit = ElementFitter(dark.surface, np.ones((N, 3)), np.ones(N)).fit(products)
-    assert not fit.changed.any() and np.isfinite(fit.diffuse).all()
+    nothing = _fit(SimpleNamespace(field=dark, device=device), np.zeros((N, D, 3)))
+    assert not nothing.changed.any() and np.isfinite(nothing.diffuse).all()
 
 
 def test_a_lamp_is_left_alone(scene: SimpleNamespace) -> None:
     """Its own light drowns whatever it reflects."""
     p = _own(scene)
-    products = _products(scene, scene.sent(0.5 * p["d"], p["f0"], p["f90"], p["roughness"]))
-    shining = replace(scene.field.surface, emission=np.full((N, 3), 200.0, np.float32))
-    assert ElementFitter(scene.field.surface, np.ones((N, 3)), np.ones(N)).fit(products).changed.any(1).all()
-    assert not ElementFitter(shining, np.ones((N, 3)), np.ones(N)).fit(products).changed.any()
+    wanted = scene.sent(0.5 * p["d"], p["f0"], p["f90"], p["roughness"])
+    assert _fit(scene, wanted).changed.any(1).all()
+    field = scene.field
+    dark = field.surface
+    try:
+        field.set_surface(replace(dark, emission=np.full((N, 3), 200.0, np.float32)))
+        field.bounce()
+        assert not _fit(scene, wanted).changed.any()
+    finally:
+        field.set_surface(dark)
+        field.bounce()
 
 
 def test_a_metal_stays_one(device: Device) -> None:
@@ -190,9 +185,10 @@ def test_a_metal_stays_one(device: Device) -> None:
     visibility = SimpleNamespace(hit=np.full((N, D), ESCAPES, np.uint32))
     field = LightField(device, elements, None, visibility, _light(rng), np.zeros((0, 3), np.float32))
     field.bounce()
-    wanted = 1.1 * device.download(field.outgoing_d)
-    *_, products = take_products(field, device.upload(wanted))
-    fit = ElementFitter(field.surface, np.ones((N, 3)), np.ones(N), norm="l2").fit(products)
-    assert not fit.diffuse.any()
-    np.testing.assert_array_equal(fit.f0, fit.f90)
-    np.testing.assert_allclose(fit.f0, 1.1 * color, rtol=0.02)
+    found = ask_elements(field, device.upload(1.1 * device.download(field.outgoing_d)))
+    may = np.ones((N, 3), bool)
+    may[follows_f0(field), 0] = False
+    after = choose_surface(field, *found, may, "l2")
+    assert not after.diffuse.any()
+    np.testing.assert_array_equal(after.f0, after.f90)
+    np.testing.assert_allclose(after.f0, 1.1 * color, rtol=0.02)
