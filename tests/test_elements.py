@@ -9,10 +9,11 @@ from reference.visibility import square_cells
 from scipy.spatial import cKDTree
 
 from usdslf.blue_noise import choose_blue_noise
-from usdslf.element_lookup import _cell_centres, _cell_of, blend_weights, link_rays
+from usdslf.element_lookup import blend_weights, link_rays
 from usdslf.elements import ElementLookup, sample_elements, share_out
 from usdslf.errors import StageError
 from usdslf.gpu.device import open_device
+from usdslf.lookup_cells import cell_centres, cell_of
 from usdslf.scene import Camera, Material, PrimvarInput, constant
 from usdslf.visibility import BLOCKED, ESCAPES, RayTracer, points_at
 
@@ -232,12 +233,12 @@ def test_far_flung_gprims_that_share_elements_find_them():
 def test_cells_are_numbered_without_gaps_and_found_again():
     for n in (1, 2, 3, 7, 64, 333, 4096):
         number = np.arange(n * n) if n < 1000 else np.random.default_rng(0).integers(0, n * n, 9999)
-        centres = _cell_centres(number, np.full(len(number), n))
+        centres = cell_centres(number, np.full(len(number), n))
         assert (centres > 0).all() and (centres.sum(1) < 1).all()
         if n < 1000:
-            np.testing.assert_array_equal(_cell_of(centres.astype(np.float32), np.full(len(number), n)), number)
+            np.testing.assert_array_equal(cell_of(centres.astype(np.float32), np.full(len(number), n)), number)
         corners = np.array([[0, 0], [1, 0], [0, 1], [0.5, 0.5], [1.0001, -1e-5], [-1e-6, 1]], np.float32)
-        cell = _cell_of(corners, np.full(len(corners), n)).astype(np.int64)
+        cell = cell_of(corners, np.full(len(corners), n)).astype(np.int64)
         assert (cell >= 0).all() and (cell < n * n).all()
 
 

@@ -3,10 +3,7 @@
 Every triangle is cut into n x n cells, two thirds of the spacing of elements wide or less.  A cell names the
 elements that its points may be nearest to: of the same part and side, with an agreeing normal, and seen
 from the cell rather than hidden behind a wall.  Small triangles, and cells across a sliver, share entries.
-A point then compares its distance to those few.  kernels/lookup.cl holds the device twin.
-
-    cell (i, j, upper) of (u, v):  i = floor(u n), j = floor(v n), upper: frac(u n) + frac(v n) > 1
-    its number:                    i (2 n - i) + 2 j + upper,  0 .. n^2 - 1
+A point then compares its distance to those few.  kernels/lookup.cl holds the device twin, lookup_cells.py the cells.
 """
 
 from __future__ import annotations
@@ -16,30 +13,30 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
-from usdslf.blue_noise import surface_coordinates
+from usdslf.lookup_cells import (
+    MOST_CELLS,
+    cell_centres,
+    cell_of,
+    divide_triangles,
+    interpolate,
+    share_cells,
+    steady_divisions,
+    wanted_divisions,
+)
+from usdslf.near_elements import NEAR, NONE, near_elements
 from usdslf.scene import F32, Scene
 
 if TYPE_CHECKING:
     from usdslf.elements import Elements
     from usdslf.gpu.device import Device
+    from usdslf.moved import Moved
     from usdslf.visibility import RayTracer
 
-NONE = np.uint32(0xFFFFFFFF)
-NEAR = 8  # elements an entry names
-ASKED = 10  # elements that are considered for them
-BATCH = 16384
 BLEND = 4  # of them are blended at a point
 CELLS_PER_SPACING = 1.5
-ENTRIES_PER_SPACING = 3.0  # cells that are closer may share their entry
-NORMAL_WEIGHT = 1.0  # spacings for a normal turned by one radian
-AGREES = 0.35  # least cosine between the normals of a point and its elements, where there is a choice
-LIFT = 0.2  # of their distance: how far cell and element are lifted to look at each other
-SLIVER = 4096  # cells that a triangle may have whatever its area
 SMALL = 3  # divisions of triangles that share entries with others
 LINK_GROUP = 64  # work-items of a group
-MOST_CELLS = 500_000  # beside one for each triangle
 
 
 @dataclass(frozen=True)
@@ -59,8 +56,16 @@ class DeviceLookup:
 class ElementLookup:
     """Tables from triangle and barycentrics to the near elements."""
 
-    def __init__(self, scene: Scene, tracer: RayTracer, elements: Elements) -> None:
-        """Builds the tables; about 30 tree queries an element, once."""
+    def __init__(
+        self, scene: Scene, tracer: RayTracer, elements: Elements,
+        before: ElementLookup | None = None, moved: Moved | None = None,
+    ) -> None:  # fmt: skip
+        """Builds the tables; about 30 tree queries an element, once.
+
+        Args:
+            before: the tables of the same elements before something moved; cells that this did not concern stay.
+            moved: with `before`, what moved.
+        """
         self._scene = scene
         self._elements = elements
         table = scene.triangles
@@ -69,25 +74,40 @@ class ElementLookup:
         number = np.bincount(group, minlength=2 * parts)
         mean = np.bincount(group, elements.area, minlength=2 * parts) / np.maximum(number, 1)
         spacing = np.where(number > 0, np.sqrt(mean), np.inf).reshape(parts, 2)
-
+        self._spacing, self._number = spacing, number.reshape(parts, 2)
         cell = spacing.min(1)[elements.part_of_triangle] / CELLS_PER_SPACING
-        self.divisions = _divide_triangles(table.positions, table.areas, cell)
+        self.divisions: NDArray[np.int32]
+        self._slack: float
+        again = np.ones(len(cell), bool)
+        if before is not None and moved is not None:
+            again = before._parts_to_do(self, moved)[elements.part_of_triangle]
+        kept = before if before is not None and not again.all() else None
+        if kept is not None:
+            self._slack = kept._slack
+            self.divisions = kept.divisions.copy()
+            wanted = wanted_divisions(table.positions[again], table.areas[again], cell[again], self._slack)
+            self.divisions[again] = steady_divisions(wanted, kept.divisions[again])
+            if (self.divisions.astype(np.int64) ** 2).sum() > 1.5 * (MOST_CELLS + len(cell)):
+                kept, again = None, np.ones(len(cell), bool)
+        if kept is None:
+            self.divisions, self._slack = divide_triangles(table.positions, table.areas, cell)
         squares = self.divisions.astype(np.int64) ** 2
         self.first_cell = (np.cumsum(squares) - squares).astype(np.uint32)
         total = int(squares.sum())
         self.entry_of_cell = np.full((2, total), NONE, np.uint32)
         self.elements_of_entry = np.full((0, NEAR), NONE, np.uint32)
+        self._cell_of_entry = np.zeros(0, np.int64)  # (entries,) that stands for its others, + C on the back
+        self._reach_of_entry = np.zeros(0, np.float32)  # (entries,) within which something can hide its elements
         if len(elements) == 0:
             return
 
-        triangle = np.repeat(np.arange(len(squares), dtype=np.int32), squares)
-        bary = _cell_centres(np.arange(total) - self.first_cell[triangle].astype(np.int64), self.divisions[triangle])
-        position = _interpolate(table.positions, triangle, bary)
-        shading = _interpolate(table.normals, triangle, bary)
-        face = table.face_normals[triangle]
-        shading *= np.where((shading * face).sum(1, keepdims=True) < 0, -1, 1)
-        shading /= np.maximum(np.linalg.norm(shading, axis=1, keepdims=True), 1e-20)
+        cells = np.flatnonzero(np.repeat(again, squares))
+        triangle, position, shading, _ = self._cells(cells)
         part = elements.part_of_triangle[triangle]
+        asked: list[tuple[NDArray, ...]] = []
+        if kept is not None and moved is not None:
+            asked.append(self._keep(kept, again, moved))
+        first = len(self.elements_of_entry)
         for side in (0, 1):
             sign = 1 - 2 * side
             live = np.flatnonzero(np.isfinite(spacing[part, side]))
@@ -95,20 +115,84 @@ class ElementLookup:
             # themselves only: between two large triangles there may be a wall.
             small = self.divisions[triangle[live]] <= SMALL
             owner = np.where(small, -1 - part[live], triangle[live])
-            rows, entry = _share_cells(position[live], sign * shading[live], owner, spacing[part[live], side])
-            rows = live[rows]
-            near = _near_elements(
-                tracer,
-                elements,
-                group,
-                position[rows],
-                sign * shading[rows],
-                sign * face[rows],
-                part[rows] * 2 + side,
-                spacing.ravel(),
-            )
-            self.entry_of_cell[side, live] = entry + len(self.elements_of_entry)
-            self.elements_of_entry = np.concatenate([self.elements_of_entry, near])
+            rows, entry = share_cells(position[live], sign * shading[live], owner, spacing[part[live], side])
+            self.entry_of_cell[side, cells[live]] = entry + first
+            asked.append((np.arange(first, first + len(rows)), cells[live[rows]] + side * total))
+            first += len(rows)
+        self._name(tracer, group, first, *(np.concatenate(x) for x in zip(*asked, strict=True)))
+
+    def _cells(self, cells: NDArray) -> tuple[NDArray, NDArray, NDArray, NDArray]:
+        """Triangle (n,), centre (n, 3), unit shading and face normal (n, 3) of some cells (n,), on the front."""
+        table = self._scene.triangles
+        triangle = (np.searchsorted(self.first_cell, cells, side="right") - 1).astype(np.int32)
+        bary = cell_centres(cells - self.first_cell[triangle].astype(np.int64), self.divisions[triangle])
+        position = interpolate(table.positions, triangle, bary)
+        shading = interpolate(table.normals, triangle, bary)
+        face = table.face_normals[triangle]
+        shading *= np.where((shading * face).sum(1, keepdims=True) < 0, -1, 1)
+        shading /= np.maximum(np.linalg.norm(shading, axis=1, keepdims=True), 1e-20)
+        return triangle, position, shading, face
+
+    def _name(self, tracer: RayTracer, group: NDArray, count: int, entry: NDArray, cell: NDArray) -> None:
+        """Names the elements of some entries (n,), of `count`, whose cells (n,), + C on the back, stand for them."""
+        total = self.entry_of_cell.shape[1]
+        more = count - len(self.elements_of_entry)
+        self.elements_of_entry = np.concatenate([self.elements_of_entry, np.full((more, NEAR), NONE, np.uint32)])
+        self._cell_of_entry = np.concatenate([self._cell_of_entry, np.zeros(more, np.int64)])
+        self._reach_of_entry = np.concatenate([self._reach_of_entry, np.zeros(more, np.float32)])
+        triangle, position, shading, face = self._cells(cell % total)
+        back = cell >= total
+        sign = np.where(back, -1, 1)[:, None]
+        near, reach = near_elements(
+            tracer,
+            self._elements,
+            group,
+            position,
+            sign * shading,
+            sign * face,
+            self._elements.part_of_triangle[triangle] * 2 + back,
+            self._spacing.ravel(),
+        )
+        self.elements_of_entry[entry], self._cell_of_entry[entry], self._reach_of_entry[entry] = near, cell, reach
+
+    def _parts_to_do(self, now: ElementLookup, moved: Moved) -> NDArray[np.bool_]:
+        """Tells which parts have moved, or other elements or another spacing than before."""
+        todo = (self._number != now._number).any(1)
+        with np.errstate(invalid="ignore"):
+            steady = np.abs(self._spacing - now._spacing) <= 1e-3 * self._spacing
+        todo |= ~(steady | (self._spacing == now._spacing)).all(1)
+        part_of_triangle = now._elements.part_of_triangle
+        todo[part_of_triangle[moved.meshes[now._scene.triangles.mesh]]] = True
+        return todo
+
+    def _keep(self, kept: ElementLookup, again: NDArray, moved: Moved) -> tuple[NDArray, NDArray]:
+        """Takes over the cells of triangles that are not done again (T,).
+
+        Returns: entry (n,) and cell (n,) of those that what moved hid elements from, or may hide them from now.
+        """
+        stay = ~again
+        old = np.flatnonzero(np.repeat(stay, kept.divisions.astype(np.int64) ** 2))
+        new = np.flatnonzero(np.repeat(stay, self.divisions.astype(np.int64) ** 2))
+        entries = kept.entry_of_cell[:, old]
+        used = np.zeros(len(kept.elements_of_entry) + 1, bool)
+        used[np.minimum(entries, len(used) - 1)] = True
+        used = used[:-1]
+        place = np.cumsum(used, dtype=np.int64) - 1
+        here = entries != NONE
+        renamed = np.where(here, place[np.where(here, entries, 0).astype(np.int64)], int(NONE))
+        self.entry_of_cell[:, new] = renamed.astype(np.uint32)
+        self.elements_of_entry = kept.elements_of_entry[used]
+        self._reach_of_entry = kept._reach_of_entry[used]
+        # The cell that stands for an entry stays too: entries are not shared between parts.
+        total = kept.entry_of_cell.shape[1]
+        new_of_old = np.zeros(total, np.int64)
+        new_of_old[old] = new
+        cell = kept._cell_of_entry[used]
+        cell = new_of_old[cell % total] + np.where(cell >= total, self.entry_of_cell.shape[1], 0)
+        self._cell_of_entry = cell
+        position = self._cells(cell % self.entry_of_cell.shape[1])[1]
+        near = np.flatnonzero(moved.is_within(position, self._reach_of_entry))
+        return near, cell[near]
 
     @property
     def face_normals(self) -> F32:
@@ -123,7 +207,7 @@ class ElementLookup:
     def entry(self, triangle: NDArray, barycentric: NDArray, side: NDArray) -> NDArray[np.uint32]:
         """Returns the entry (n,) of points on triangles, NONE on sides that have no elements."""
         tri = np.asarray(triangle)
-        cell = self.first_cell[tri] + _cell_of(np.asarray(barycentric, np.float32), self.divisions[tri])
+        cell = self.first_cell[tri] + cell_of(np.asarray(barycentric, np.float32), self.divisions[tri])
         return self.entry_of_cell[(np.asarray(side) < 0).astype(np.intp), cell]
 
     def nearest(
@@ -148,7 +232,7 @@ class ElementLookup:
         if not len(self.elements_of_entry):
             return np.zeros((len(tri), BLEND), np.int64), np.zeros((len(tri), BLEND), np.float32)
         near = self.elements_of_entry[np.where(dead, 0, entry)]  # (n, NEAR)
-        point = _interpolate(self._scene.triangles.positions, tri, np.asarray(barycentric)).astype(np.float32)
+        point = interpolate(self._scene.triangles.positions, tri, np.asarray(barycentric)).astype(np.float32)
         missing = near == NONE
         near = self._filled(near)
         gap = self._elements.position[near] - point[:, None]
@@ -231,132 +315,3 @@ def blend_weights(distance: NDArray) -> NDArray[np.float32]:
     w = (1 - ratio * ratio) ** 2
     w[:, 0] = np.maximum(w[:, 0], np.float32(1e-6))  # five at the same distance
     return (w / w.sum(1, keepdims=True)).astype(np.float32)
-
-
-def _divide_triangles(corners: NDArray, area: NDArray, cell: NDArray) -> NDArray[np.int32]:
-    """Returns divisions (T,) that make cells at most `cell` (T,) wide, wider where they are too many."""
-    c = corners.astype(np.float64)
-    edges = np.linalg.norm(c - np.roll(c, 1, 1), axis=2)
-    with np.errstate(invalid="ignore"):
-        wanted = np.nan_to_num(edges.max(1, initial=0) / cell, posinf=1) if len(c) else np.zeros(0)
-        fair = np.nan_to_num(np.sqrt(SLIVER + 30 * area / cell**2), posinf=1) if len(c) else np.zeros(0)
-    slack = 1.0
-    while True:
-        n = np.clip(np.ceil(np.minimum(wanted, slack * fair)), 1, 2048).astype(np.int32)
-        if (n.astype(np.int64) ** 2).sum() <= MOST_CELLS + len(n):
-            return n
-        slack *= 0.8
-
-
-def _cell_centres(number: NDArray, n: NDArray) -> NDArray[np.float64]:
-    """Barycentrics (k, 2) of the centres of cells, by their number (k,) in triangles of n (k,) divisions."""
-    n = n.astype(np.int64)
-    i = np.floor(n - np.sqrt((n * n - number).astype(np.float64))).astype(np.int64)
-    i -= i * (2 * n - i) > number
-    i += (i + 1) * (2 * n - i - 1) <= number
-    rest = number - i * (2 * n - i)
-    third = (1 + rest % 2) / 3
-    return np.stack([(i + third) / n, (rest // 2 + third) / n], 1)
-
-
-def _cell_of(bary: NDArray, n: NDArray) -> NDArray[np.uint32]:
-    """Number (k,) of the cell that barycentrics (k, 2) lie in, in float32 as on the device."""
-    size = n.astype(np.float32)
-    u, v = np.maximum(bary[:, 0], 0) * size, np.maximum(bary[:, 1], 0) * size
-    n = n.astype(np.int32)
-    i = np.minimum(u.astype(np.int32), n - 1)
-    j = np.minimum(v.astype(np.int32), n - 1 - i)
-    upper = ((u - i) + (v - j) > 1) & (j < n - 1 - i)
-    return (i * (2 * n - i) + 2 * j + upper).astype(np.uint32)
-
-
-def _share_cells(
-    position: NDArray, normal: NDArray, owner: NDArray, spacing: NDArray
-) -> tuple[NDArray[np.int64], NDArray[np.uint32]]:
-    """Finds cells that are as good as the same: a third of the spacing apart, alike in normal and owner.
-
-    Returns: one cell (entries,) for each entry, and the entry (n,) of each cell.
-    """
-    if not len(position):
-        return np.zeros(0, np.int64), np.zeros(0, np.uint32)
-    box = np.floor((position - position.min(0)) / (spacing[:, None] / ENTRIES_PER_SPACING)).astype(np.int64)
-    turn = np.rint(normal * 1.5).astype(np.int64)
-    key = owner.astype(np.int64).astype(np.uint64)
-    for column in (*box.T, *turn.T):
-        key = key * np.uint64(0x9E3779B97F4A7C15) + column.astype(np.uint64)
-    _, first, entry = np.unique(key, return_index=True, return_inverse=True)
-    return first, entry.astype(np.uint32)
-
-
-def _near_elements(
-    tracer: RayTracer,
-    elements: Elements,
-    element_group: NDArray,
-    position: NDArray,
-    normal: NDArray,
-    face: NDArray,
-    group: NDArray,
-    spacing: NDArray,
-) -> NDArray[np.uint32]:
-    """Names the elements (n, NEAR) near cells: nearest first, those in agreement and in sight only."""
-    count = len(elements)
-    both = surface_coordinates(
-        np.concatenate([elements.position, position]),
-        np.concatenate([elements.normal, normal]),
-        np.concatenate([element_group, group]),
-        spacing[np.concatenate([element_group, group])],
-        NORMAL_WEIGHT,
-    )
-    k = min(ASKED, count)
-    reach = np.linalg.norm(np.ptp(both[:, :-1], axis=0)) + 1.0  # of a group: others are not looked at
-    tree = cKDTree(both[:count])
-    near = tree.query(both[count:], k=k, distance_upper_bound=reach, workers=tracer.threads)[1].reshape(-1, k)
-    found = near < count
-    near = np.where(found, near, 0)
-    out = np.full((len(position), NEAR), NONE, np.uint32)
-    position, normal, face = (a.astype(np.float32) for a in (position, normal, face))
-    for a in range(0, len(position), BATCH):
-        rows = slice(a, a + BATCH)
-        same = found[rows] & (element_group[near[rows]] == group[rows, None])
-        out[rows] = _in_sight(tracer, elements, near[rows], same, position[rows], normal[rows], face[rows])
-    return out
-
-
-def _in_sight(
-    tracer: RayTracer,
-    elements: Elements,
-    near: NDArray,
-    same: NDArray,
-    position: F32,
-    normal: F32,
-    face: F32,
-) -> NDArray[np.uint32]:
-    """Sorts near elements (n, k) by distance and keeps those (n, NEAR) that agree and are in sight."""
-    cosine = np.where(same, (elements.normal[near] * normal[:, None]).sum(2), np.float32(-np.inf))
-    best = cosine.max(1, keepdims=True)
-    good = same & (cosine >= np.minimum(AGREES, best - 0.25))
-    gap = elements.position[near] - position[:, None]
-    gap2 = (gap * gap).sum(2)
-
-    # Elements behind a wall are left out where others are in sight.
-    row, column = np.nonzero(good)
-    e = near[row, column]
-    up = (LIFT * np.sqrt(gap2[row, column]))[:, None]
-    start = tracer.offset_points(position[row] + up * face[row], face[row])
-    way = elements.position[e] + up * elements.geometric_normal[e] - start
-    seen = good.copy()
-    seen[row, column] = ~tracer.occluded(start, way, 0.999, see_through=False)
-    good = np.where(seen.any(1, keepdims=True), seen, good)
-
-    gap2 = np.where(good, gap2, np.float32(np.inf))
-    order = np.argsort(gap2, 1, kind="stable")[:, :NEAR]
-    out = np.full((len(near), NEAR), NONE, np.uint32)
-    out[:, : order.shape[1]] = np.where(
-        np.isfinite(np.take_along_axis(gap2, order, 1)), np.take_along_axis(near, order, 1), int(NONE)
-    )
-    return out
-
-
-def _interpolate(corners: NDArray, triangle: NDArray, bary: NDArray) -> NDArray[np.float64]:
-    c = corners[triangle].astype(np.float64)
-    return c[:, 0] + bary[:, :1] * (c[:, 1] - c[:, 0]) + bary[:, 1:] * (c[:, 2] - c[:, 0])

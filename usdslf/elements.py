@@ -7,6 +7,7 @@ reflectance of the surface around it, so that a texture finer than the spacing e
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -101,7 +102,7 @@ def sample_elements(
     number = np.maximum(probes, np.ceil(4000 * area_of_part / area.sum())).astype(np.int64)
     both = np.tile(number * (area_of_part > 0), 2)
     everywhere = np.ones(2 * parts, bool)
-    reach, _ = _living_candidates(scene, tracer, area, part_of_triangle, both, everywhere, PROBE_ROUNDS, rng)
+    reach, _ = living_candidates(scene, tracer, area, part_of_triangle, both, everywhere, PROBE_ROUNDS, rng)
     alive = np.bincount(reach.group, minlength=2 * parts) / np.maximum(both, 1)
     if not alive.any():
         alive = (both > 0).astype(float)  # no light anywhere: all sides are as good
@@ -110,7 +111,7 @@ def sample_elements(
     side_area = np.tile(area_of_part, 2)
     quota = share_out(alive * side_area, count)
     number = np.ceil(CANDIDATES * quota / np.maximum(alive, 0.05)).astype(np.int64)
-    pool, points = _living_candidates(scene, tracer, area, part_of_triangle, number, alive < 1, ROUNDS, rng)
+    pool, points = living_candidates(scene, tracer, area, part_of_triangle, number, alive < 1, ROUNDS, rng)
     alive = np.bincount(pool.group, minlength=2 * parts) / np.maximum(number, 1)
     quota = share_out(alive * side_area, count)
     spacing = np.sqrt(alive * side_area / np.maximum(quota, 1))
@@ -118,9 +119,26 @@ def sample_elements(
     coordinates = surface_coordinates(pool.position, pool.normal, pool.group, spacing[pool.group])
     chosen = choose_blue_noise(coordinates, pool.group, quota, rng)
     number = np.bincount(pool.group[chosen], minlength=2 * parts)
-    group = pool.group[chosen]
-    side = np.where(group < parts, 1, -1).astype(np.int32)
+    each = (alive * side_area) / np.maximum(number, 1)
     surroundings = cKDTree(coordinates[chosen]).query(coordinates, workers=tracer.threads)[1]
+    return elements_of_pool(points, pool.group, chosen, surroundings, each, part_of_triangle, rng)
+
+
+def elements_of_pool(
+    points: SurfacePoints, group: NDArray, chosen: NDArray, surroundings: NDArray, area: NDArray, part_of_triangle: I32,
+    rng: np.random.Generator,
+) -> Elements:  # fmt: skip
+    """Makes elements of some candidates.
+
+    Args:
+        points, group: (n,) candidates, and part of each, plus the number of parts on the back.
+        chosen: (N,) of them.
+        surroundings: (n,) into `chosen`: the element whose means each candidate enters.
+        area: (2 parts,) that an element stands for.
+    """
+    parts = len(area) // 2
+    group = group[chosen]
+    side = np.where(group < parts, 1, -1).astype(np.int32)
     flip = side[:, None].astype(np.float32)
     geometric = flip * points.geometric_normal[chosen]
     normal = _upright(flip * points.normal[chosen], geometric)
@@ -129,7 +147,7 @@ def sample_elements(
         geometric_normal=geometric,
         normal=normal,
         frame=turned_frames(normal, 2 * np.pi * rng.random(len(chosen))),
-        area=((alive * side_area) / np.maximum(number, 1))[group].astype(np.float32),
+        area=area[group].astype(np.float32),
         mesh=points.mesh[chosen],
         triangle=points.triangle[chosen],
         barycentric=points.barycentric[chosen],
@@ -203,7 +221,7 @@ def turned_frames(normal: NDArray, angle: NDArray) -> F32:
 
 
 @dataclass(frozen=True)
-class _Pool:
+class Pool:
     """Living candidates of all sides."""
 
     position: F32  # (n, 3)
@@ -211,7 +229,7 @@ class _Pool:
     group: NDArray[np.int64]  # (n,) part, plus the number of parts on the back
 
 
-def _living_candidates(
+def living_candidates(
     scene: Scene,
     tracer: RayTracer,
     area: NDArray,
@@ -220,16 +238,20 @@ def _living_candidates(
     doubtful: NDArray,
     rounds: tuple[int, ...],
     rng: np.random.Generator,
-) -> tuple[_Pool, SurfacePoints]:
+    is_free: Callable[[NDArray, NDArray, NDArray], NDArray] | None = None,
+) -> tuple[Pool, SurfacePoints]:
     """Spreads `number` (2 parts,) candidates over fronts and backs and keeps those that live.
 
-    Only the groups in `doubtful` (2 parts,) are looked at by rays.
+    Only the groups in `doubtful` (2 parts,) are looked at by rays.  `is_free` tells by position (n, 3), normal (n, 3)
+    and group (n,) which candidates to consider; None: all.
     """
     triangle, bary, group = _spread(area, part_of_triangle, number, rng)
     points = evaluate_surface(scene, triangle, bary, normal_maps=False)
     parts = len(number) // 2
     normal = np.where((group < parts)[:, None], points.geometric_normal, -points.geometric_normal)
     there = points.presence > 0  # no holes of cut-outs
+    if is_free is not None:
+        there &= is_free(points.position, normal, group)
     alive = there.copy()
     ask = np.flatnonzero(there & doubtful[group])
     alive[ask] = find_living_points(scene, tracer, triangle[ask], points.position[ask], normal[ask], rng, rounds)
@@ -244,7 +266,7 @@ def _living_candidates(
         alive[dark[(near < len(lit)).mean(1) > 0.6]] = True
     keep = np.flatnonzero(alive)
     kept = _take(points, keep)
-    return _Pool(kept.position, normal[keep].astype(np.float32), group[keep]), kept
+    return Pool(kept.position, normal[keep].astype(np.float32), group[keep]), kept
 
 
 def _spread(

@@ -226,6 +226,15 @@ class LightField:
             if change < tolerance:
                 return
 
+    def start_from(self, other: LightField) -> None:
+        """Starts the iterations from another light field, element by element; those beyond it start dark.
+
+        The fixed point is the same from any start.
+        """
+        n = min(len(self.elements), len(other.elements))
+        self.outgoing_d.fill(np.float32(0))
+        self.outgoing_d[:n] = other.outgoing_d[:n]
+
     def incident(self, element: NDArray) -> NDArray[np.float32]:
         """Returns the light (n, D, 3) that arrives now in the bins of some elements (n,)."""
         count = -(-len(element) // LANES)

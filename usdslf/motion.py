@@ -1,12 +1,12 @@
-"""Motion: what moved between two frames, and visibility again for that alone.
+"""Motion: elements of one frame at another, and visibility again for what moved alone.
 
-    moved_meshes(before, after) -> (M,) bool, None where the frames cannot be compared
     move_elements(elements, before, after, moved) -> Elements at the same places of their gprims
+    why_not_spaced(before, after) -> why these are no longer spaced well
     retrace(...) -> Visibility, the same links as a trace of everything gives
 
 A ray is traced again where it starts on something that moved, ended on it before (or on a dark side, or where hits are
-named by other elements now), or lies in the cone of its bounding sphere now.  Where what moved can be seen through,
-everything is traced.
+named by other elements now), or lies in the cone of its bounding sphere now, and of that before where what moved can be
+seen through.
 
 Source: Nguyen et al. 2013, 6.1.
 """
@@ -19,39 +19,24 @@ from time import perf_counter
 import numpy as np
 from numpy.typing import NDArray
 
-from usdslf.directions import bin_directions
-from usdslf.element_lookup import NONE, ElementLookup
-from usdslf.elements import Elements
+from usdslf.directions import D, bin_directions
+from usdslf.element_lookup import ElementLookup
+from usdslf.elements import LEAST, Elements
 from usdslf.gpu.device import Device
-from usdslf.scene import Material, Scene
+from usdslf.moved import Moved, Space
+from usdslf.near_elements import NONE
+from usdslf.scene import F32, Scene
 from usdslf.surface import evaluate_surface, is_opaque
-from usdslf.visibility import BLOCKED, RayTracer, Visibility, trace_bins, trace_visibility
+from usdslf.visibility import BLOCKED, RayTracer, Visibility, trace_bins
+
+MOST_STRETCH = 2.0  # of the area that the elements of a side stand for, up or down, before they are placed afresh
 
 
-def moved_meshes(before: Scene, after: Scene) -> NDArray[np.bool_] | None:
-    """Returns which meshes (M,) are elsewhere or of another shape; None where meshes, triangles or opacity differ."""
-    if len(before.meshes) != len(after.meshes) or len(before.materials) != len(after.materials):
-        return None
-    if any(_opacity(a) != _opacity(b) for a, b in zip(before.materials, after.materials)):
-        return None
-    moved = np.zeros(len(after.meshes), bool)
-    for i, (a, b) in enumerate(zip(before.meshes, after.meshes)):
-        same = a.path == b.path and np.array_equal(a.triangles, b.triangles)
-        if not same or not np.array_equal(a.material_of_triangle, b.material_of_triangle):
-            return None
-        moved[i] = not (
-            np.array_equal(a.positions, b.positions) and np.array_equal(a.corner_normals, b.corner_normals)
-        )
-    return moved
+def move_elements(elements: Elements, before: Scene, after: Scene, moved: NDArray) -> Elements:
+    """Returns the elements with those on moved meshes (M,) at the same places of their triangles.
 
-
-def _opacity(m: Material) -> tuple[str, float, str]:
-    """What says how far a material is seen through, for comparison."""
-    return repr(m.opacity), m.opacity_threshold, m.opacity_mode
-
-
-def move_elements(elements: Elements, after: Scene, moved: NDArray) -> Elements:
-    """Returns the elements with those on moved meshes (M,) at the same places of their triangles."""
+    Each stands for an area that follows its triangle's; where a whole side is alive, all of them for its area.
+    """
     rows = np.flatnonzero(moved[elements.mesh])
     if not len(rows):
         return elements
@@ -70,6 +55,7 @@ def move_elements(elements: Elements, after: Scene, moved: NDArray) -> Elements:
     tangent /= np.linalg.norm(tangent, axis=1, keepdims=True)
     frame = np.stack([tangent, np.cross(normal, tangent), normal], 1)
     changes = {"position": points.position, "geometric_normal": geometric, "normal": normal, "frame": frame}
+    changes["area"] = _stretched_areas(elements, before, after)[rows]
     new = {}
     for name, value in changes.items():
         array = getattr(elements, name).copy()
@@ -78,57 +64,104 @@ def move_elements(elements: Elements, after: Scene, moved: NDArray) -> Elements:
     return replace(elements, **new)
 
 
+def _stretched_areas(elements: Elements, before: Scene, after: Scene) -> F32:
+    """Areas (N,) that follow those of the triangles."""
+    old, new = before.triangles.areas, after.triangles.areas
+    t = elements.triangle
+    area = elements.area * np.where(old[t] > 0, new[t] / np.where(old[t] > 0, old[t], 1), 1)
+    group, sides = _sides(elements)
+    side_area = [np.tile(np.bincount(elements.part_of_triangle, np.nan_to_num(a)), 2) for a in (old, new)]
+    is_full = np.bincount(group, elements.area, sides) > 0.999 * side_area[0]
+    sum_ = np.bincount(group, area, sides)
+    scale = np.where(is_full & (sum_ > 0), side_area[1] / np.where(sum_ > 0, sum_, 1), 1)
+    return (area * scale[group]).astype(np.float32)
+
+
+def _sides(elements: Elements) -> tuple[NDArray, int]:
+    """Which side (N,) of which part each element is on, and how many there are."""
+    parts = int(elements.part_of_triangle.max(initial=-1)) + 1
+    return elements.part + parts * (elements.side < 0), 2 * parts
+
+
+def why_not_spaced(before: Elements, after: Elements) -> str:
+    """Returns why elements that moved are no longer spaced well; "" where they are."""
+    group, sides = _sides(before)
+    number = np.bincount(group, minlength=sides)
+    old, new = (np.bincount(group, e.area, sides) for e in (before, after))
+    ratio = np.where(number > LEAST, new / np.where(old > 0, old, 1), 1)
+    if ratio.max(initial=1) > MOST_STRETCH or ratio.min(initial=1) < 1 / MOST_STRETCH:
+        far = ratio[np.argmax(np.abs(np.log(np.maximum(ratio, 1e-30))))]
+        return f"stretches a surface to {far:.3g} times its area"
+    return ""
+
+
 def retrace(
     seen: Visibility, before: ElementLookup, elements: Elements, lookup: ElementLookup, tracer: RayTracer,
-    device: Device, moved: NDArray,
+    device: Device, moved: Moved,
 ) -> Visibility:  # fmt: skip
-    """Traces again what the motion of some meshes (M,) can have changed.
+    """Traces again what the motion can have changed.
 
     Args:
-        seen, before: visibility and lookup of the same elements where they were.
+        seen, before: visibility and lookup of the elements where they were.
+        elements: the same, and more of them after those.
         lookup, tracer: of the scene now.
     """
     began = perf_counter()
-    scene = tracer.scene
-    materials = np.unique(scene.triangles.material[moved[scene.triangles.mesh]])
-    affected = _named_otherwise(before, lookup, scene, moved)
-    if affected is None or not all(is_opaque(scene.materials[m]) for m in materials):
-        return trace_visibility(elements, lookup, tracer, device)
-    is_affected = np.zeros(len(elements) + 1, bool)
-    is_affected[affected] = True
-    named = np.minimum(seen.hit >> 10, len(elements))  # the last stands for no element
-    wanted = is_affected[named] | (seen.hit == BLOCKED) | moved[elements.mesh][:, None]
-    _add_met(wanted, elements, scene, moved)
-    hit = seen.hit.reshape(-1).copy()
-    trace_bins(elements, lookup, tracer, device, hit, wanted)
-    return Visibility(hit.reshape(seen.hit.shape), int(wanted.sum()), perf_counter() - began)
+    scene, known, count = tracer.scene, len(seen.hit), len(elements)
+    is_affected = np.zeros(known + 1, bool)  # the last stands for no element
+    is_affected[_named_otherwise(before, lookup, scene, moved.meshes)] = True
+    own = moved.meshes[elements.mesh]
+    materials = np.unique(scene.triangles.material[moved.meshes[scene.triangles.mesh]])
+    opaque = all(is_opaque(scene.materials[m]) for m in materials)
+    # What let a ray through changed its length by rounding: it is traced again where that is gone, too.
+    cones = _cones((moved.after,) if opaque else (moved.after, moved.before), elements, tracer)
+    bins = np.ascontiguousarray(bin_directions().T, np.float32)
+
+    def wanted(rows: slice) -> NDArray[np.bool_]:
+        hit = seen.hit[rows]  # fewer than rows, where elements are new
+        found = np.empty((len(own[rows]), D), bool)
+        found[len(hit) :] = True
+        found[: len(hit)] = is_affected.take(hit >> np.uint32(10), mode="clip")
+        found[: len(hit)] |= hit == BLOCKED
+        found[own[rows]] = True
+        for axis, cosine in cones:
+            found |= axis[rows] @ bins >= cosine[rows, None]
+        return found
+
+    links = np.empty((count, D), np.uint32)
+    links[:known] = seen.hit
+    rays = trace_bins(elements, lookup, tracer, device, links.reshape(-1), wanted)
+    return Visibility(links, rays, perf_counter() - began)
 
 
-def _add_met(wanted: NDArray, elements: Elements, scene: Scene, moved: NDArray) -> None:
-    """Marks the rays that may meet a moved mesh at its new place: those in the cone of its bounding sphere."""
-    bins = bin_directions().astype(np.float32)
-    lean = (elements.normal * elements.geometric_normal).sum(1)
-    wanted |= (lean < np.cos(np.radians(3.2)))[:, None]  # whose low rays are lifted
-    for mesh in np.flatnonzero(moved):
-        points = scene.meshes[mesh].positions.astype(np.float64)
-        centre = 0.5 * (points.min(0) + points.max(0))
-        radius = np.linalg.norm(points - centre, axis=1).max()
-        towards = centre - elements.position
-        distance = np.linalg.norm(towards, axis=1)
-        sine = np.minimum(radius / np.maximum(distance, 1e-30), 1) * 1.001
-        cosine = np.where(sine >= 1, -1.0, np.sqrt(np.maximum(1 - sine * sine, 0))) - 1e-4
-        axis = np.einsum("nij,nj->ni", elements.frame, towards / np.maximum(distance, 1e-30)[:, None])
-        wanted |= axis.astype(np.float32) @ bins.T >= cosine[:, None].astype(np.float32)
+def _cones(spaces: tuple[Space, ...], elements: Elements, tracer: RayTracer) -> list[tuple[F32, F32]]:
+    """For each sphere: axis (N, 3) in the elements' frames and least cosine (N,) of the rays that meet it."""
+    start = tracer.offset_points(elements.position, elements.geometric_normal, elements.triangle).astype(np.float64)
+    # Rays that a leaning normal sends below the surface are lifted out of it, by less than it leans.
+    lean = np.arccos(np.clip((elements.normal * elements.geometric_normal).sum(1, dtype=np.float64), -1, 1))
+    wider = np.where(lean < np.radians(3.1), 0, 1.05 * lean + 0.01)
+    found = []
+    for space in spaces:
+        for centre, radius in zip(space.centre, space.radius, strict=True):
+            towards = centre - start
+            distance = np.maximum(np.linalg.norm(towards, axis=1), 1e-30)
+            sine = 1.001 * radius / distance
+            angle = np.arcsin(np.minimum(sine, 1)) + wider
+            cosine = np.where((sine >= 1) | (angle >= np.pi), -2, np.cos(angle) - 2e-6)
+            axis = np.einsum("nij,nj->ni", elements.frame, towards / distance[:, None])
+            found.append((axis.astype(np.float32), cosine.astype(np.float32)))
+    return found
 
 
-def _named_otherwise(before: ElementLookup, now: ElementLookup, scene: Scene, moved: NDArray) -> NDArray | None:
-    """The elements that named hits on what moved, and on cells that name others now; None where cells differ."""
-    if not np.array_equal(before.divisions, now.divisions):
-        return None
-    cell_moved = np.repeat(moved[scene.triangles.mesh], now.divisions.astype(np.int64) ** 2)
-    old, new = _lists(before), _lists(now)
-    other = cell_moved[None] | (old != new).any(-1)
-    found = np.unique(old[other])
+def _named_otherwise(before: ElementLookup, now: ElementLookup, scene: Scene, moved: NDArray) -> NDArray[np.int64]:
+    """The elements that named hits on what moved, and on cells that name others now."""
+    stay = ~moved[scene.triangles.mesh] & (before.divisions == now.divisions)
+    old = np.repeat(stay, before.divisions.astype(np.int64) ** 2)
+    new = np.repeat(stay, now.divisions.astype(np.int64) ** 2)
+    lists = _lists(before)
+    other = np.ones(lists.shape[:2], bool)
+    other[:, old] = (lists[:, old] != _lists(now)[:, new]).any(-1)
+    found = np.unique(lists[other])
     return found[found != NONE].astype(np.int64)
 
 

@@ -25,13 +25,14 @@ from usdslf.color import Color, color_of
 from usdslf.edits import MaterialChange
 from usdslf.elements import ElementLookup, Elements, refresh_reflectance, sample_elements
 from usdslf.errors import InputError, SolveError, StageError, StrokeError
+from usdslf.frames import Placed, carry
 from usdslf.gpu.device import Device, open_device
 from usdslf.infer import gather_strokes, infer_changes
 from usdslf.infer_indirect import infer_indirect
 from usdslf.light_field import LightField, Surface, require_memory
 from usdslf.light_set import LightSet, lights_or_default
 from usdslf.lights import static_light
-from usdslf.motion import move_elements, moved_meshes, retrace
+from usdslf.moved import why_not_comparable
 from usdslf.overview import overview_camera
 from usdslf.propagate import Weights
 from usdslf.reflectance import MODELS
@@ -118,6 +119,8 @@ class Session:
         self.residual_as_written: dict[Pool, float] = {}  # of answers that vary, as the written look shows them
         self.residual_as_preview: dict[Pool, float] = {}  # of answers by phong, as UsdPreviewSurface shows them
         self.edits: list[AuthoredEdit] = []
+        self._first: Session | None = None  # at the frame that the elements were laid at
+        self._last_field: LightField | None = None  # of another frame: where iterations start
 
     # ── steps ──────────────────────────────────────────────────────────────────────────────────
 
@@ -206,6 +209,9 @@ class Session:
                 self.device, self.elements, self.lookup, visibility, fixed, self.scene.triangles.face_normals,
                 self.model,
             )  # fmt: skip
+            if self._last_field is not None:
+                field.start_from(self._last_field)
+                self._last_field = None
             self._converge(field)
         return field
 
@@ -332,26 +338,32 @@ class Session:
     def at_frame(self, frame: float) -> Session:
         """Returns a session on the shot at another frame; strokes are taken along and follow their anchors.
 
-        Elements keep their places on what moved, and visibility is traced again only where that can have changed it.
-        Where the frame has other meshes, all starts afresh, and that is said.
+        Elements keep the places that they were laid at on what moved, whatever frames came between, and visibility is
+        traced again only where that can have changed it.  Surfaces that see light only now get new elements.  Where
+        the frame has other meshes, or stretches them much, all starts afresh, and that is said.
         """
         other = Session(
             self.stage, frame, self.device, self.ocio, self.element_count, self.bounces, self.refine, self.model,
             self._say, self.made is not None,
         )  # fmt: skip
         other.strokes = list(self.strokes)
-        moved = moved_meshes(self.scene, other.scene)
-        if moved is None:
-            other.warn(f"frame {frame:g} has other meshes, triangles or opacity: its elements are placed afresh")
-            return other
-        elements = refresh_reflectance(self.elements, self.scene, other.scene)
-        elements = move_elements(elements, other.scene, moved)
-        lookup = ElementLookup(other.scene, other.tracer, elements) if moved.any() else self.lookup
-        visibility = self.visibility
-        if moved.any():
+        other._last_field = self.__dict__.get("light_field") or self._last_field
+        first = self._first or self
+        reason = why_not_comparable(first.scene, other.scene)
+        placed: Placed | str = reason
+        if not reason:
+            start = Placed(first.scene, first.elements, first.lookup, first.visibility)
+            other.device = first.device
             with other._step("visibility"):
-                visibility = retrace(visibility, self.lookup, elements, lookup, other.tracer, self.device, moved)
-        other.__dict__.update(elements=elements, lookup=lookup, visibility=visibility)
+                placed = carry(start, other.scene, other.tracer, first.device)
+        if isinstance(placed, str):
+            other.warn(f"frame {frame:g} {placed}: its elements are placed afresh")
+            return other
+        other._first = first
+        other.__dict__.update(elements=placed.elements, lookup=placed.lookup, visibility=placed.visibility)
+        if len(placed.elements) > len(first.elements):
+            new = len(placed.elements) - len(first.elements)
+            other.warn(f"frame {frame:g}: {new} elements are added where light comes only now")
         return other
 
     # ── results ────────────────────────────────────────────────────────────────────────────────

@@ -44,6 +44,8 @@ ULPS = 16.0  # offset of ray origins, in units of the last place of the coordina
 Work = TypeVar("Work")
 Opacity = Callable[[I32, F32], F32]
 """triangle (n,), barycentric (n, 2) -> opacity (n,)."""
+Wanted = Callable[[slice], NDArray]
+"""rows of elements -> which of their bins (n, D)."""
 
 
 @dataclass(frozen=True)
@@ -258,12 +260,13 @@ def trace_visibility(elements: Elements, lookup: ElementLookup, tracer: RayTrace
 
 
 def trace_bins(
-    elements: Elements, lookup: ElementLookup, tracer: RayTracer, device: Device, hit: NDArray, wanted: NDArray | None
-) -> None:
-    """Traces the rays of some bins and writes what they hit.
+    elements: Elements, lookup: ElementLookup, tracer: RayTracer, device: Device, hit: NDArray, wanted: Wanted | None
+) -> int:
+    """Traces the rays of some bins, writes what they hit, and returns how many they were.
 
     Args:
-        hit: (N * D,) links, written where `wanted` is true; wanted: (N, D), None for all.
+        hit: (N * D,) links, written where `wanted` is true.
+        wanted: tells which bins of some elements; asked on several threads; None: all.
     """
     n = len(elements)
     start = tracer.offset_points(elements.position, elements.geometric_normal, elements.triangle)
@@ -274,22 +277,22 @@ def trace_bins(
     kernel = device.kernel("visibility", "pack_hits")
     packed_d = [device.empty((BATCH * D,), np.uint32) for _ in range(2)]
 
-    def trace(first: int) -> tuple[NDArray, tuple[NDArray, ...]]:
+    def trace(first: int) -> tuple[NDArray, ...]:
         rows = slice(first, min(first + BATCH, n))
-        direction = outgoing_directions(elements, bins, rows)
-        origin = np.broadcast_to(start[rows, None], direction.shape)
         rays = np.arange(first * D, rows.stop * D, dtype=np.uint32)
         if wanted is None:
-            return rays, tracer.intersect_columns(origin.reshape(-1, 3), direction.reshape(-1, 3))
-        chosen = wanted[rows]
-        return rays[chosen.reshape(-1)], tracer.intersect_columns(
-            np.ascontiguousarray(origin[chosen]), np.ascontiguousarray(direction[chosen])
-        )
+            direction = outgoing_directions(elements, bins, rows)
+            origin = np.broadcast_to(start[rows, None], direction.shape)
+            return rays, *tracer.intersect_columns(origin.reshape(-1, 3), direction.reshape(-1, 3))
+        chosen = np.flatnonzero(wanted(rows))
+        if not len(chosen):
+            return (rays[:0],) * 5
+        direction = outgoing_directions(elements, bins, rows).reshape(-1, 3).take(chosen, 0)
+        return rays[chosen], *tracer.intersect_columns(start[rows].take(chosen // D, 0), direction)
 
-    batches = range(0, n, BATCH)
-    if wanted is not None:
-        batches = [b for b in batches if wanted[b : b + BATCH].any()]  # type: ignore[assignment]
-    for turn, (_, (rays, columns)) in enumerate(tracer.map_ahead(trace, batches)):
+    batches = (columns for _, columns in tracer.map_ahead(trace, range(0, n, BATCH)))
+    total = 0
+    for turn, (rays, *columns) in enumerate(_filled_batches(batches, BATCH * D)):
         count = len(rays)
         kernel(
             (BATCH * D,),  # always the same: a CPU compiles a kernel for each size
@@ -311,6 +314,29 @@ def trace_bins(
             packed_d[turn % 2],
         )
         hit[rays] = device.download(packed_d[turn % 2])[:count]
+        total += count
+    return total
+
+
+def _filled_batches(batches: Iterable[tuple[NDArray, ...]], size: int) -> Iterator[tuple[NDArray, ...]]:
+    """Joins small batches, each some columns of one length, as long as `size` rows are enough for them."""
+    waiting: list[tuple[NDArray, ...]] = []
+    count = 0
+    for batch in batches:
+        if waiting and count + len(batch[0]) > size:
+            yield _joined(waiting)
+            waiting, count = [], 0
+        if len(batch[0]):
+            waiting.append(batch)
+            count += len(batch[0])
+    if waiting:
+        yield _joined(waiting)
+
+
+def _joined(batches: list[tuple[NDArray, ...]]) -> tuple[NDArray, ...]:
+    if len(batches) == 1:
+        return batches[0]
+    return tuple(np.concatenate(columns) for columns in zip(*batches, strict=True))
 
 
 def outgoing_directions(elements: Elements, bins: F32, rows: slice) -> F32:

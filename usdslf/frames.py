@@ -1,0 +1,83 @@
+"""Frames: what was placed and traced at one frame, taken to another.
+
+    carry(placed, scene, tracer, device) -> Placed at the scene's frame, or why all has to start afresh
+
+It starts from the frame that elements were laid at each time, so that errors do not add up from frame to frame.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from usdslf.element_lookup import ElementLookup
+from usdslf.elements import Elements, refresh_reflectance
+from usdslf.gpu.device import Device
+from usdslf.motion import move_elements, retrace, why_not_spaced
+from usdslf.moved import find_moved, look_alike
+from usdslf.scene import Scene
+from usdslf.visibility import RayTracer, Visibility
+from usdslf.waking import wake_elements
+
+
+@dataclass(frozen=True)
+class Placed:
+    """A frame's scene, with what was placed and traced in it."""
+
+    scene: Scene
+    elements: Elements
+    lookup: ElementLookup
+    visibility: Visibility
+
+
+def carry(first: Placed, scene: Scene, tracer: RayTracer, device: Device) -> Placed | str:
+    """Takes elements and visibility to another frame of meshes that are comparable (`moved.why_not_comparable`).
+
+    Elements keep their places on what moved, surfaces that see light only now get new ones, and visibility is traced
+    again where that can have changed it.
+
+    Args:
+        first: the frame that elements were laid at.
+        scene, tracer: the other frame.
+
+    Returns: the same things at the other frame, or why its elements have to be laid afresh, in words.
+    """
+    before = first.scene
+    moved = find_moved(before, scene)
+    elements = first.elements
+    if not (look_alike(before.materials, scene.materials) and _colours_alike(before, scene)):
+        elements = refresh_reflectance(elements, before, scene)
+    if _same_light(before, scene) and not moved.meshes.any():
+        return Placed(scene, elements, first.lookup, first.visibility)
+    elements = move_elements(elements, before, scene, moved.meshes)
+    reason = why_not_spaced(first.elements, elements)
+    if reason:
+        return reason
+    elements = wake_elements(elements, scene, tracer, np.random.default_rng(0))
+    if len(elements) == len(first.elements) and not moved.meshes.any():
+        return Placed(scene, elements, first.lookup, first.visibility)
+    lookup = ElementLookup(scene, tracer, elements, first.lookup, moved)
+    visibility = retrace(first.visibility, first.lookup, elements, lookup, tracer, device, moved)
+    return Placed(scene, elements, lookup, visibility)
+
+
+def is_lit_alike(before: Scene, after: Scene) -> bool:
+    """Tells whether two frames have the same geometry and lights, so that the same light falls on it."""
+    return look_alike(before.lights, after.lights) and not find_moved(before, after).meshes.any()
+
+
+def _same_light(before: Scene, after: Scene) -> bool:
+    """Whether what can be alive on surfaces that did not move is the same."""
+    return (
+        look_alike(before.lights, after.lights)
+        and look_alike(before.cameras, after.cameras)
+        and look_alike([m.emissive_color for m in before.materials], [m.emissive_color for m in after.materials])
+    )
+
+
+def _colours_alike(before: Scene, after: Scene) -> bool:
+    """Whether meshes have the same texture coordinates and primvars."""
+    return all(
+        look_alike((a.uvs, a.primvars), (b.uvs, b.primvars)) for a, b in zip(before.meshes, after.meshes, strict=True)
+    )
