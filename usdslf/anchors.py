@@ -36,7 +36,8 @@ def locate_stroke(scene: Scene, stroke: Stroke, warnings: list[str] | None = Non
     """Finds the stroke's points on the scene's triangles, by their anchors, or by projection without them.
 
     A point that still lies on its face, wherever on it, is where it was.  A point that does not has moved
-    with its face, and follows its anchor.  Points whose surface is gone are projected onto the nearest one.
+    with its face, and follows its anchor; so does every point of an animated surface at another frame than the
+    stroke's, which may have slid along itself.  Points whose surface is gone are projected onto the nearest one.
 
     Args:
         warnings: takes a sentence for each thing that is odd.
@@ -80,8 +81,10 @@ def locate_stroke(scene: Scene, stroke: Stroke, warnings: list[str] | None = Non
     row = np.flatnonzero(triangle >= 0)
     on, at = triangle[row].astype(np.int32), uv[row].astype(np.float32)
     position, normal = points_on_triangles(scene, on, at)
+    way = np.linalg.norm(position - stroke.points[row], axis=1)
+    moved = moved[row] & (way > tolerance[row])
     if moved.any():
-        far = float(np.linalg.norm(position - stroke.points[row], axis=1).max())
+        far = float(way.max())
         said.append(f"Stroke {stroke.path}: its surface moved by up to {far:.4g} units; it follows.")
     normal = turned_towards(normal, scene.triangles.face_normals[on], stroke.eye[row] - position)
     return Located(row, on, at, position, normal, bool(moved.any()))
@@ -116,6 +119,7 @@ def _follow_anchors(
     triangle, uv, moved = np.full(n, -1, np.int64), np.zeros((n, 2)), np.zeros(n, bool)
     best = np.full(n, np.inf)
     first = scene.triangles.first_of_mesh
+    is_other_frame = not np.array_equal(scene.frame, stroke.frame, equal_nan=True)
     for surface, indices in enumerate(meshes):
         rows = np.flatnonzero(stroke.surface_index == surface)
         for m in indices if len(rows) else []:
@@ -134,7 +138,7 @@ def _follow_anchors(
             candidate = order[low[pair] + each]
             corners = mesh.positions[mesh.triangles[candidate]]
             on_face = nearest_on_triangles(corners, stroke.points[at], pair)
-            still = on_face.distance <= tolerance[at]
+            still = (on_face.distance <= tolerance[at]) & (not (is_other_frame and mesh.is_animated))
             # Else the anchor as it was painted, on the triangle it names (or the last one of a coarser cut).
             t = np.floor(stroke.barycentric[at, 0]).astype(int)
             named = order[low + np.clip(t, 0, count - 1)]

@@ -105,6 +105,7 @@ class Mesh:
     double_sided: bool = False
     prototype: str = ""  # path of the prim that an opinion has to be written on, "" if path itself
     has_points: bool = True  # authored ones, that stay where they are: no skin, no implicit shape
+    is_animated: bool = False  # it may be elsewhere, or of another shape, at another frame
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from pxr import Usd, UsdGeom
 
 from usdslf.scene import F32, F64, I32, Mesh
 from usdslf.shape import REFINED_FACES_MAX, Shape, build_shape, fingerprint, place
-from usdslf.usd.implicit import TYPES, read_implicit
+from usdslf.usd.implicit import SIZES, read_implicit
 from usdslf.usd.notes import Notes
 from usdslf.usd.placement import Placed, Placement
 from usdslf.usd.polygons import read_polygons
@@ -100,6 +100,7 @@ class _Read:
     shape: Shape
     constant: dict[str, F64]
     world_from_points: F64 | None = None  # of skinned points
+    is_animated: bool = False  # the shape
 
 
 class _Reader:
@@ -123,7 +124,8 @@ class _Reader:
         if read is not None and prim.IsInstanceProxy():
             # Constant primvars come down from the prims above as well.
             inherited = UsdGeom.PrimvarsAPI(prim).FindPrimvarsWithInheritance()
-            return _Read(read.shape, read_primvars(inherited, self._time, _CONSTANT, Notes()).constant)
+            constant = read_primvars(inherited, self._time, _CONSTANT, Notes()).constant
+            return _Read(read.shape, constant, is_animated=read.is_animated)
         return read
 
     def _read(self, prim: Usd.Prim, query: Any) -> _Read | None:
@@ -138,7 +140,7 @@ class _Reader:
             if read is None:
                 return None
             polygons, primvars = read
-        elif kind in TYPES:
+        elif kind in SIZES:
             implicit = read_implicit(prim, self._time, self._notes)
             if implicit is None:
                 return None
@@ -159,7 +161,10 @@ class _Reader:
         if not len(shape.triangles):
             self._notes.add("the gprim {} has no triangle with an area; left out", path)
             return None
-        return _Read(shape, primvars.constant, posed.world_from_points if posed else None)
+        world = posed.world_from_points if posed else None
+        shaped_by = SIZES.get(kind, ("points", "faceVertexCounts", "faceVertexIndices"))
+        varies = any(prim.GetAttribute(name).ValueMightBeTimeVarying() for name in shaped_by)
+        return _Read(shape, primvars.constant, world, varies or query is not None)
 
 
 def _mesh(
@@ -200,6 +205,7 @@ def _mesh(
         double_sided=bool(UsdGeom.Gprim(prim).GetDoubleSidedAttr().Get(time)),
         prototype=placed.prototype,
         has_points=prim.IsA(UsdGeom.Mesh) and read.world_from_points is None,
+        is_animated=placed.is_moving or read.is_animated,
     )
 
 

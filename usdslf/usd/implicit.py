@@ -12,7 +12,16 @@ from usdslf import tessellate
 from usdslf.shape import Polygons
 from usdslf.usd.notes import Notes
 
-TYPES = ("Sphere", "Cube", "Cylinder", "Cone", "Capsule", "Plane", "Cylinder_1", "Capsule_1")
+SIZES: dict[str, tuple[str, ...]] = {
+    "Sphere": ("radius",),
+    "Cube": ("size",),
+    "Cylinder": ("radius", "radius", "height"),
+    "Cone": ("radius", "height"),
+    "Capsule": ("radius", "radius", "height"),
+    "Plane": ("width", "length"),
+    "Cylinder_1": ("radiusBottom", "radiusTop", "height"),
+    "Capsule_1": ("radiusBottom", "radiusTop", "height"),
+}
 
 
 def read_implicit(prim: Usd.Prim, time: Usd.TimeCode, notes: Notes) -> Polygons | None:
@@ -22,17 +31,7 @@ def read_implicit(prim: Usd.Prim, time: Usd.TimeCode, notes: Notes) -> Polygons 
     def get(name: str) -> Any:
         return prim.GetAttribute(name).Get(time)
 
-    sizes = {
-        "Sphere": ("radius",),
-        "Cube": ("size",),
-        "Cylinder": ("radius", "radius", "height"),
-        "Cone": ("radius", "height"),
-        "Capsule": ("radius", "radius", "height"),
-        "Plane": ("width", "length"),
-        "Cylinder_1": ("radiusBottom", "radiusTop", "height"),
-        "Capsule_1": ("radiusBottom", "radiusTop", "height"),
-    }[kind]
-    values = [float(get(name)) for name in sizes]
+    values = [float(get(name)) for name in SIZES[kind]]
     if not all(math.isfinite(v) and v >= 0 for v in values) or max(values) == 0:
         notes.add(f"the size of the {kind} {{}} is not a positive number; left out", prim.GetPath())
         return None

@@ -17,6 +17,8 @@ from usdslf.usd.notes import Notes
 from usdslf.usd.primvars import read_primvars
 
 _PURPOSES = ("default", "render")
+_OF_INSTANCES = ("protoIndices", "positions", "orientations", "orientationsf", "scales", "velocities", "accelerations",
+                 "angularVelocities")  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -28,6 +30,7 @@ class Placed:
     world_from_object: F64  # (4, 4), column vectors
     prototype: str = ""  # where an opinion on it has to be written, "" if on the prim itself
     primvars: dict[str, F64] = field(default_factory=dict)  # that a PointInstancer gives this instance
+    is_moving: bool = False  # its transform may be another one at another time
 
 
 @dataclass(frozen=True)
@@ -55,7 +58,7 @@ class Placement:
     def gprims(self) -> Iterator[Placed]:
         """Yields the gprims (and whatever else has an extent) in the order of the stage."""
         for child in self._stage.GetPseudoRoot().GetFilteredChildren(self._predicate):
-            yield from self._walk(child, None, _Frame(), ())
+            yield from self._walk(child, None, _Frame(), (), False)
 
     def _walk(
         self,
@@ -63,8 +66,11 @@ class Placement:
         parent: UsdGeom.Imageable.PurposeInfo | None,
         frame: _Frame,
         inside: tuple[str, ...],
+        is_moving: bool,
     ) -> Iterator[Placed]:
         purpose = parent
+        if place := UsdGeom.Xformable(prim):
+            is_moving = place.TransformMightBeTimeVarying() or (is_moving and not place.GetResetXformStack())
         imageable = UsdGeom.Imageable(prim)
         if imageable:
             if imageable.GetVisibilityAttr().Get(self._time) == "invisible":
@@ -76,7 +82,7 @@ class Placement:
                 return
             if prim.IsA(UsdGeom.PointInstancer):
                 if token in _PURPOSES:
-                    yield from self._instances(UsdGeom.PointInstancer(prim), frame, inside)
+                    yield from self._instances(UsdGeom.PointInstancer(prim), frame, inside, is_moving)
                 return
             if prim.IsA(UsdGeom.Boundable) and token in _PURPOSES:
                 yield Placed(
@@ -85,13 +91,14 @@ class Placement:
                     _columns(self._world(prim, frame)),
                     _writable(prim, frame),
                     frame.primvars,
+                    is_moving,
                 )
             if prim.IsModel() and self._draw_mode(prim) != "default":
                 self._notes.add("the draw mode of {} is not honoured: its geometry is read", prim.GetPath())
         below = self._predicate if frame.root is None else self._below_prototype
         for child in prim.GetFilteredChildren(below):
             if frame.root is None or child.HasDefiningSpecifier():
-                yield from self._walk(child, purpose, frame, inside)
+                yield from self._walk(child, purpose, frame, inside, is_moving)
 
     def _draw_mode(self, prim: Usd.Prim) -> str:
         """How a model asks to be drawn; cards and boxes are for components, and where they are applied."""
@@ -110,7 +117,7 @@ class Placement:
         return self._cache.ComputeRelativeTransform(prim, frame.root)[0] * frame.world_from_root
 
     def _instances(
-        self, instancer: UsdGeom.PointInstancer, frame: _Frame, inside: tuple[str, ...]
+        self, instancer: UsdGeom.PointInstancer, frame: _Frame, inside: tuple[str, ...], is_moving: bool
     ) -> Iterator[Placed]:
         """Yields what a PointInstancer shows: its prototypes, once for each visible instance."""
         prim, path = instancer.GetPrim(), str(instancer.GetPath())
@@ -138,6 +145,7 @@ class Placement:
         given = read_primvars(authored, self._time, sizes, self._notes)
         each = {name: v.flat for name, v in given.varying.items()}
         common = {**frame.primvars, **given.constant}
+        is_moving = is_moving or any(prim.GetAttribute(name).ValueMightBeTimeVarying() for name in _OF_INSTANCES)
         for i in np.flatnonzero(shown & good):
             root = roots[which[i]]
             local = self._cache.GetLocalTransformation(root)[0]
@@ -153,6 +161,7 @@ class Placement:
                     {**common, **{name: v[i] for name, v in each.items()}},
                 ),
                 (*inside, path),
+                is_moving,
             )
 
 
