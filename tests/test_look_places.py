@@ -434,6 +434,13 @@ def stronger_samples(stage: Usd.Stage, top: Sdf.Layer, look: Sdf.Layer) -> None:
     top.SetTimeSample(ATTRIBUTE, 1.0, Gf.Vec3f(1, 1, 1))
 
 
+def stronger_samples_that_start_alike(stage: Usd.Stage, top: Sdf.Layer, look: Sdf.Layer) -> None:
+    stronger_layer(stage, top, look)
+    top.GetAttributeAtPath(ATTRIBUTE).default = look.GetAttributeAtPath(ATTRIBUTE).default
+    for time, value in ((1.0, look.GetAttributeAtPath(ATTRIBUTE).default), (9.0, Gf.Vec3f(1, 1, 1))):
+        top.SetTimeSample(ATTRIBUTE, time, value)
+
+
 def own_samples(stage: Usd.Stage, top: Sdf.Layer, look: Sdf.Layer) -> None:
     look.SetTimeSample(ATTRIBUTE, 1.0, Gf.Vec3f(1, 1, 1))
 
@@ -454,6 +461,7 @@ def in_the_session(stage: Usd.Stage, top: Sdf.Layer, look: Sdf.Layer) -> None:
 HIDING = {
     stronger_layer: (f"top.usda at {ATTRIBUTE}", "put look.usda above top.usda"),
     stronger_samples: ("time samples in top.usda", "above top.usda"),
+    stronger_samples_that_start_alike: ("time samples in top.usda", "above top.usda"),
     own_samples: ("time samples in look.usda itself", f"remove the time samples of {ATTRIBUTE}"),
     stronger_connection: ("a connection to /World/mtl/red/tex.outputs:rgb", "edit /World/mtl/red/tex"),
     inactive: ("/World/mtl/red, which is inactive", "activate /World/mtl/red"),

@@ -81,8 +81,10 @@ def why_hidden(
         source = attribute.GetConnections()[0]
         return f"a connection to {source}", f"edit {source.GetPrimPath()}, or disconnect {shown_at}"
     spec = layer.GetAttributeAtPath(path)
+    # An opinion that shows is the same at all times, also where the first of stronger samples has its value.
     times = [Usd.TimeCode.Default(), Usd.TimeCode.EarliestTime()]
-    if all(same_value(attribute.Get(t), spec.default) for t in times):
+    varies = attribute.ValueMightBeTimeVarying()
+    if not varies and all(same_value(attribute.Get(t), spec.default) for t in times):
         return "", ""
     first = Usd.TimeCode.EarliestTime()
     if attribute.GetResolveInfo(first).GetSource() == Usd.ResolveInfoSourceValueClips:
