@@ -113,22 +113,22 @@ def scene_instance(b: StageBuilder) -> Points:
 
 
 def point_instancer(b: StageBuilder) -> Points:
-    """The second of two instances, with positions, orientations and scales that are animated."""
+    """The second of two instances, with animated positions, orientations and scales, in its own plane."""
     moved_below(b, "/World/many/protos")
     instancer = UsdGeom.PointInstancer.Define(b.stage, "/World/many")
     instancer.CreatePrototypesRel().AddTarget("/World/many/protos/floor")
     instancer.CreateProtoIndicesAttr([0, 0])
     half = math.radians(30) / 2
     still, turn = Gf.Quatf(1, 0, 0, 0), Gf.Quatf(math.cos(half), 0, 0, math.sin(half))
-    for frame, z, q, size in ((FIRST, 0, still, 1), (LAST, 0.5, turn, 2)):
-        instancer.CreatePositionsAttr().Set([Gf.Vec3f(30, 0, 0), Gf.Vec3f(0, 0, z)], frame)
+    for frame, x, q, size in ((FIRST, 0, still, 1), (LAST, 0.5, turn, 1.25)):
+        instancer.CreatePositionsAttr().Set([Gf.Vec3f(30, 0, 0), Gf.Vec3f(x, 0, 0)], frame)
         instancer.CreateOrientationsfAttr().Set([still, q], frame)
         instancer.CreateScalesAttr().Set([Gf.Vec3f(1), Gf.Vec3f(size)], frame)
-    return lambda p: np.add(turned(2 * p, 30), (0, 0, 0.5))
+    return lambda p: np.add(turned(1.25 * p, 30), (0.5, 0, 0))
 
 
 def skinned(b: StageBuilder) -> Points:
-    """Two joints: three quarters of all but the lower edge follow the one that is turned about that edge."""
+    """Two joints: three quarters of all but the lower edge follow the one that is turned, in the floor's plane."""
     mesh = floor_of(b)
     triangles = np.concatenate([FACES[:, [0, 1, 2]], FACES[:, [0, 2, 3]]])  # so that the cut is known
     mesh.GetFaceVertexCountsAttr().Set([3] * 8)
@@ -144,8 +144,8 @@ def skinned(b: StageBuilder) -> Points:
     clip.CreateJointsAttr(joints)
     clip.CreateTranslationsAttr([Gf.Vec3f(0), Gf.Vec3f(0, -2, 0)])
     clip.CreateScalesAttr([Gf.Vec3h(1)] * 2)
-    half = math.radians(50) / 2
-    still, turn = Gf.Quatf(1, 0, 0, 0), Gf.Quatf(math.cos(half), math.sin(half), 0, 0)
+    half = math.radians(20) / 2
+    still, turn = Gf.Quatf(1, 0, 0, 0), Gf.Quatf(math.cos(half), 0, 0, math.sin(half))
     clip.CreateRotationsAttr().Set([still, still], FIRST)
     clip.GetRotationsAttr().Set([still, turn], LAST)
     UsdSkel.BindingAPI.Apply(skeleton.GetPrim()).CreateAnimationSourceRel().SetTargets([clip.GetPath()])
@@ -154,7 +154,7 @@ def skinned(b: StageBuilder) -> Points:
     weight = np.where(GRID[:, 1] > -1, 0.75, 0.0)  # of the tip
     binding.CreateJointIndicesPrimvar(False, 2).Set([0, 1] * 9)
     binding.CreateJointWeightsPrimvar(False, 2).Set(np.stack([1 - weight, weight], 1).ravel().tolist())
-    posed = GRID + weight[:, None] * (turned(GRID, 50, 0, (0, -2, 0)) - GRID)
+    posed = GRID + weight[:, None] * (turned(GRID, 20, about=(0, -2, 0)) - GRID)
 
     def follow(p: NDArray) -> NDArray:
         """Linear blend skinning of the corners, and their mean by the barycentrics of frame 1."""
