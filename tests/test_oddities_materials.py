@@ -85,12 +85,12 @@ def test_a_material_without_preview_surface_says_what_it_has(tmp_path: Path, run
     b = floor_shot(tmp_path)
     other = UsdShade.Material.Define(b.stage, "/World/mtl/other")
     node = UsdShade.Shader.Define(b.stage, "/World/mtl/other/node")
-    node.CreateIdAttr("standard_surface")
-    other.CreateSurfaceOutput("arnold").ConnectToSource(node.CreateOutput("out", F.Token))
+    node.CreateIdAttr("studio_surface")  # of nobody's library, so that nothing but displayColor can be shown
+    other.CreateSurfaceOutput("studio").ConnectToSource(node.CreateOutput("out", F.Token))
     UsdShade.MaterialBindingAPI(floor_of(b)).Bind(other)
     floor_of(b).CreateDisplayColorAttr([Gf.Vec3f(*FLOOR["diffuse"])])
     path = b.save()
-    warnings_of(path, run, "no UsdPreviewSurface", "arnold", "/World/mtl/other")
+    warnings_of(path, run, "no UsdPreviewSurface", "studio", "/World/mtl/other")
     asked = AFTER | {"specular": (0.04,) * 3, "roughness": 0.5}  # on the fallbacks
     session = solved(path, asked)
     with pytest.raises(AuthorError, match="make-preview"):
