@@ -192,6 +192,14 @@ def test_what_is_fixated_never_changes(two_cards: Session) -> None:
         solved(two_cards, fix, painted(two_cards, "darken", LEFT, "stroke_0002"))
 
 
+def test_darkened_to_black_a_surface_gives_off_what_its_highlight_leaves(two_cards: Session) -> None:
+    (answer,) = solved(two_cards, painted(two_cards, "darken", RIGHT))  # strength 1 asks for nothing at all
+    before, after = answer.before["diffuse"], answer.after["diffuse"]
+    assert "diffuse" in answer.chosen.freed
+    assert (after <= 0.01).all() and (before > 0.01).any()
+    assert answer.residual_after < answer.residual_before < 100  # of what is seen there: the paint has no light
+
+
 @pytest.mark.parametrize("tool", TOOLS)
 def test_no_strength_asks_for_nothing(two_cards: Session, tool: str) -> None:
     stroke = painted(two_cards, tool, RIGHT, strength=0.0, norm="l2", clone_offset=(-2.2, 0.0, 0.0), color=(1, 0, 0))

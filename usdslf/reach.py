@@ -25,7 +25,7 @@ def seems_too_bright(t: Tables, candidates: Sequence[Candidate]) -> bool:
 
 
 def dimming(t: Tables) -> float:
-    """Returns the factor that brings the paint of a pool within reach of a white surface; 1 where it is.
+    """Returns the factor that brings the paint of a pool within reach of a white surface; 1 where it is, as black is.
 
     Args:
         t: under the light that the white surface itself sends round, where that matters.
@@ -33,6 +33,8 @@ def dimming(t: Tables) -> float:
     brightest = t.p[:, t.own] + ((1 - t.f0) * t.v[:, t.own] if t.is_metal else (1 - t.diffuse) * t.u[:, t.own])
     painted, sent = t.target.mean(0), brightest.mean(0)
     lit = painted > 1e-3 * painted.max()
+    if not lit.any():  # black paint
+        return 1.0
     factor = float((sent[lit] / painted[lit]).min())
     return factor if 0 < factor < TOO_BRIGHT else 1.0
 

@@ -158,6 +158,8 @@ def pool_tables(evidences: list[Evidence], material: int, model: str = "preview_
     cat = {k: np.concatenate([p[k] for p in parts]) for k in parts[0]}
     target = cat["target"]
     mean = np.array([np.mean(target[cat["stroke"] == s]) for s in cat["stroke"]])
+    seen = np.array([np.abs(cat["p"][cat["stroke"] == s, -1]).mean() for s in cat["stroke"]])
+    mean = np.where(mean > 1e-3 * seen, mean, seen)  # black paint: relative to what it covers
     back_p = cat["back_p"]
     back_scale = np.abs(back_p[:, -1]) + 0.1 * np.abs(back_p[:, -1]).mean() + 1e-9
     d, f0, f90 = cat["d"], cat["f0"], cat["f90"]
