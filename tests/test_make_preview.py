@@ -153,3 +153,16 @@ def test_a_stage_where_all_can_be_edited_is_left_alone(tmp_path: Path) -> None:
     session = usdslf.open(str(write_plane(tmp_path)), elements=150, make_preview=True)
     assert session.made is not None and not session.made.material_of
     assert np.isfinite(session.scene.materials[0].roughness).all()
+
+
+def test_usds_own_diagnostics_stay_off_stderr(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    shot = plain(tmp_path)
+    stage = Usd.Stage.Open(str(shot))
+    floor = stage.GetPrimAtPath("/World/floor")
+    floor.CreateRelationship("material:binding").SetTargets(["/World/mtl/from_mtlx"])  # without its API schema
+    stage.GetPrimAtPath("/World/mtl").GetReferences().AddReference("./none.mtlx")
+    stage.GetRootLayer().Save()
+    del stage, floor
+    capfd.readouterr()
+    usdslf.open(str(shot), elements=150, make_preview=True)
+    assert capfd.readouterr().err == ""

@@ -56,7 +56,7 @@ from usdslf.usd.author import author_look, author_review_root
 from usdslf.usd.baked_files import textures_folder
 from usdslf.usd.edited import open_edited
 from usdslf.usd.preview_material import make_preview as make_preview_materials
-from usdslf.usd.read import open_stage, read_scene
+from usdslf.usd.read import open_stage, quiet_usd, read_scene
 from usdslf.usd.wins import AuthoredEdit, compose_over
 from usdslf.visibility import RayTracer, Visibility, trace_visibility
 
@@ -104,7 +104,8 @@ class Session:
             raise InputError(f"unknown reflectance model '{model}'; choose one of {', '.join(MODELS)}")
         self.shot = open_stage(stage) if isinstance(stage, (str, os.PathLike)) else stage
         self.made = make_preview_materials(self.shot) if make_preview else None
-        self.stage = compose_over(self.shot, self.made.layer) if self.made else self.shot
+        with quiet_usd():
+            self.stage = compose_over(self.shot, self.made.layer) if self.made else self.shot
         self.frame, self.ocio = frame, ocio
         self.element_count, self.bounces, self.refine, self.model = elements, bounces, refine, model
         self._device_name = device

@@ -28,6 +28,7 @@ from usdslf.usd.look_layer import LookLayer, bound_relationship, gprims_of, part
 from usdslf.usd.notes import Notes
 from usdslf.usd.preview_look import Look, look_of
 from usdslf.usd.preview_nodes import write_preview
+from usdslf.usd.read import quiet_usd
 from usdslf.usd.shot_metadata import copy_shot_metadata, default_prim_name
 
 GREY = (0.18, 0.18, 0.18)  # of UsdPreviewSurface
@@ -61,6 +62,11 @@ def without_preview(stage: Usd.Stage) -> list[Usd.Prim]:
 
 def make_preview(stage: Usd.Stage, prims: Iterable[Usd.Prim] | None = None) -> PreviewMaterials:
     """Makes and binds UsdPreviewSurface materials for gprims and GeomSubsets that have none."""
+    with quiet_usd():
+        return _make_preview(stage, prims)
+
+
+def _make_preview(stage: Usd.Stage, prims: Iterable[Usd.Prim] | None) -> PreviewMaterials:
     look, notes = LookLayer(stage), Notes()
     paths: dict[Any, Sdf.Path] = {}
     looks: dict[Any, Look | None] = {}
