@@ -19,6 +19,8 @@ from test_session import dabs, places, seen, write_plane
 
 import usdslf
 from usdslf.errors import AuthorError
+from usdslf.images import write_image
+from usdslf.scene import Texture
 from usdslf.strokes import Stroke
 from usdslf.usd.edited import open_edited
 from usdslf.usd.read import read_scene
@@ -166,3 +168,32 @@ def test_usds_own_diagnostics_stay_off_stderr(tmp_path: Path, capfd: pytest.Capt
     capfd.readouterr()
     usdslf.open(str(shot), elements=150, make_preview=True)
     assert capfd.readouterr().err == ""
+
+
+def test_an_image_of_materialx_is_edited_and_its_file_named_from_the_look(tmp_path: Path) -> None:
+    shot = plain(tmp_path, "mtlx")
+    write_image(tmp_path / "plain.exr", np.tile(np.float32(SHOWN["diffuse"]) / 0.8, (4, 4, 1)))
+    stage = Usd.Stage.Open(str(shot))
+    node = UsdShade.Shader(stage.GetPrimAtPath("/World/mtl/final/node"))
+    node.CreateIdAttr("ND_standard_surface_surfaceshader")
+    node.CreateInput("base", Sdf.ValueTypeNames.Float).Set(0.8)
+    image = UsdShade.Shader.Define(stage, "/World/mtl/final/image")
+    image.CreateIdAttr("ND_image_color3")
+    image.CreateInput("file", Sdf.ValueTypeNames.Asset).Set(Sdf.AssetPath("./plain.exr"))
+    node.GetInput("base_color").ConnectToSource(image.CreateOutput("out", Sdf.ValueTypeNames.Color3f))
+    stage.GetRootLayer().Save()
+    session = usdslf.open(str(shot), elements=150, make_preview=True)
+    session.add_stroke(painted())
+    session.solve()
+    (tmp_path / "looks").mkdir()
+    session.author(tmp_path / "looks/look.usda", review_root=tmp_path / "review.usda")
+    edits = session.report()["edits"]
+    assert edits and all(e["wins"] and e["prim"].endswith("preview_floor/diffuseColor_texture") for e in edits)
+    review = Usd.Stage.Open(str(tmp_path / "review.usda"))
+    assert find_wrong(review) == []  # a path from the root would be named
+    scene = read_scene(review)
+    of_mesh = {m.path: scene.materials[m.material_of_triangle[0]] for m in scene.meshes}
+    texture = of_mesh["/World/floor"].diffuse_color
+    assert isinstance(texture, Texture) and Path(texture.path).samefile(tmp_path / "plain.exr")
+    texel = np.array(SHOWN["diffuse"]) / 0.8
+    assert_allclose(texel * texture.scale[:3] + texture.bias[:3], AFTER["diffuse"], atol=0.02)
