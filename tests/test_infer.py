@@ -128,3 +128,23 @@ def test_nothing_wanted_changes_nothing(session: Session) -> None:
     (answer,), moved, _ = changed(session, stroke_on("left", LOOK))
     assert answer.chosen.id == "none" and not moved.any()
     assert answer.residual_after < 0.02
+
+
+def test_a_stroke_across_two_materials_says_which_it_changes(session: Session) -> None:
+    mostly, rest = stroke_on("middle", RED), stroke_on("right", RED)
+    few = slice(0, 6)  # three of nine dabs
+    names = ("points", "widths", "colors", "eye")
+    joined = {k: np.concatenate([getattr(mostly, k), getattr(rest, k)[few]]) for k in names}
+    both = replace(mostly, **joined, curve_counts=(2,) * 12, surfaces=("/World/right", "/World/middle"))
+    session.warnings.clear()
+    session.add_stroke(both)
+    try:
+        (answer,) = session.solve()
+        (report,) = session.report()["strokes"]
+        (said,) = (w for w in session.warnings if "stroke of its own" in w)
+    finally:
+        session.remove_stroke(both.name)
+    paths = [m.path for m in session.scene.materials]
+    assert "25% of it lies on /World/mtl/other, which it does not change, as most lies on /World/mtl/shared" in said
+    assert paths[answer.pool.material] == report["material"] == "/World/mtl/shared"
+    assert report["surface"] == "/World/middle"  # not the first that it lists, which shows another material

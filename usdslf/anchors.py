@@ -1,6 +1,7 @@
 """Anchors: where a stroke lies on the surfaces of a scene, also after they have moved.
 
     locate_stroke(scene, stroke, warnings) -> Located   the stroke's points on the scene's triangles
+    where_spilt(scene, stroke, located) -> [sentence]   where much of it lies on other materials than the one it changes
     painted_faces(scene, stroke, located) -> {gprim: faces}     all that the brush touches
 """
 
@@ -18,6 +19,9 @@ from usdslf.scene import F32, F64, I32, Scene
 
 if TYPE_CHECKING:
     from usdslf.strokes import Stroke
+
+
+SPILT = 0.15  # share of a stroke's points on other materials that a painter may not have meant
 
 
 @dataclass(frozen=True)
@@ -88,6 +92,26 @@ def locate_stroke(scene: Scene, stroke: Stroke, warnings: list[str] | None = Non
         said.append(f"Stroke {stroke.path}: its surface moved by up to {far:.4g} units; it follows.")
     normal = turned_towards(normal, scene.triangles.face_normals[on], stroke.eye[row] - position)
     return Located(row, on, at, position, normal, bool(moved.any()))
+
+
+def where_spilt(scene: Scene, stroke: Stroke, located: Located) -> list[str]:
+    """Returns a sentence where a good part of a direct stroke lies on other materials than most of it.
+
+    A stroke changes one material, that with most dabs.  What is fixated is held whatever the material.
+    """
+    if stroke.mode == "indirect" or stroke.tool == "fixate" or not len(located.triangle):
+        return []
+    values, counts = np.unique(scene.triangles.material[located.triangle], return_counts=True)
+    share = 1 - counts.max() / counts.sum()
+    if share <= SPILT:
+        return []
+    found = [scene.materials[m].path or "surfaces without a material" for m in values]
+    most = found.pop(int(counts.argmax()))
+    names = ", ".join(found[:3]) + (f" and {len(found) - 3} more" if len(found) > 3 else "")
+    return [
+        f"{stroke.path}: {share:.0%} of it lies on {names}, which it does not change, as most lies on {most}: "
+        "paint each material with a stroke of its own"
+    ]
 
 
 def painted_faces(scene: Scene, stroke: Stroke, located: Located) -> dict[str, tuple[int, ...]]:

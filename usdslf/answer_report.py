@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from usdslf.answers import Answer, alike_means
 from usdslf.edits import inferred
+from usdslf.scene import Scene
 from usdslf.strokes import Stroke
 from usdslf.stylize import Stylized
 
@@ -75,6 +76,12 @@ def _of_style(session: Session, s: Stylized) -> dict[str, Any]:
     }
 
 
+def _surface_of(scene: Scene, stroke: Stroke, material: int) -> str:
+    """The gprim of a stroke that shows the material; the first where none does, as of an indirect stroke."""
+    shows = {m.path for m in scene.meshes if material in m.material_of_triangle}
+    return next((s for s in stroke.surfaces if s in shows), stroke.surfaces[0] if stroke.surfaces else "")
+
+
 def _of_stroke(session: Session, stroke: Stroke, answer: Answer, *more: Answer) -> dict[str, Any]:
     """The first answer is the stroke's own; an indirect one may change further materials."""
     materials = session.scene.materials
@@ -83,7 +90,7 @@ def _of_stroke(session: Session, stroke: Stroke, answer: Answer, *more: Answer) 
     as_written = session.residual_as_written.get(answer.pool)
     found = {
         "path": stroke.path,
-        "surface": stroke.surfaces[0] if stroke.surfaces else "",
+        "surface": _surface_of(session.scene, stroke, answer.pool.material),
         "material": materials[answer.pool.material].path,
         "inferred": answer.chosen.id,
         "before": _plain(answer.before),

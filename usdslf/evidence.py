@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from usdslf.anchors import locate_stroke
+from usdslf.anchors import locate_stroke, where_spilt
 from usdslf.directions import SOLID_ANGLE, D, bin_directions
 from usdslf.errors import StrokeError
 from usdslf.light_field import LightField
@@ -89,6 +89,7 @@ def gather_samples(
     Raises: StrokeError where no dab lies on a surface.
     """
     located = locate_stroke(scene, stroke, warnings)
+    warnings += where_spilt(scene, stroke, located)
     rows = np.flatnonzero(np.isin(located.row, dab_rows(stroke)))
     if len(rows) > MOST_DABS:
         rows = rows[np.linspace(0, len(rows) - 1, MOST_DABS).round().astype(int)]
