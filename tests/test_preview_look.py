@@ -317,6 +317,20 @@ def test_a_materialx_image_times_base_in_its_colour_space(tmp_path: Path, image:
     assert stock(Usd.Stage.Open(str(tmp_path / "made.usda"))) == []
 
 
+def test_channels_are_taken_and_changed_places(tmp_path: Path, image: Sdf.AssetPath) -> None:
+    foreign, twin = both(tmp_path)
+    color = foreign.node("color", "ND_image_color3", file=image)
+    rough = foreign.node("rough", "ND_swizzle_color3_float", size=1, channels="g", **{"in": color})
+    parts = foreign.node("parts", "ND_separate3_color3", "outb", 1, **{"in": color})
+    metal = foreign.node("metal", "ND_remap_float", size=1, outlow=0.25, outhigh=0.75, **{"in": parts})
+    foreign.surface(STANDARD, base_color=CLOTH, specular_roughness=rough, metalness=metal)
+    twin.surface(
+        "UsdPreviewSurface", diffuseColor=CLOTH, roughness=uv_texture(twin, "r", image, "g"),
+        metallic=uv_texture(twin, "m", image, "b", scale=(1, 1, 0.5, 1), bias=(0, 0, 0.25, 0)),
+    )  # fmt: skip
+    check(foreign, twin)
+
+
 def test_a_tiled_image_in_a_node_graph_with_an_interface(tmp_path: Path, image: Sdf.AssetPath) -> None:
     foreign, twin = both(tmp_path)
     graph = UsdShade.NodeGraph.Define(foreign.stage, "/World/mtl/a/graph")
@@ -359,6 +373,33 @@ def test_transmission_by_an_image_and_a_metal_with_a_tint(tmp_path: Path, image:
         opacity=uv_texture(twin, "o", image, "r", scale=(-1, 1, 1, 1), bias=(1, 0, 0, 0)),
     )  # fmt: skip
     check(foreign, twin)
+
+
+@pytest.mark.parametrize(
+    ("surface", "port", "node", "inside", "image_node", "file"),
+    [
+        (STANDARD, "normal", "ND_normalmap_float", "in", "ND_image_vector3", "file"),
+        (OPEN_PBR, "geometry_normal", "ND_normalmap_float", "in", "ND_image_vector3", "file"),
+        ("standard_surface", "normal", "normal_map", "input", "image", "filename"),
+    ],
+)
+def test_normal_maps(
+    surface: str, port: str, node: str, inside: str, image_node: str, file: str, tmp_path: Path, image: Sdf.AssetPath
+) -> None:
+    foreign, twin = both(tmp_path)
+    space = {"color_space": "Raw"} if image_node == "image" else {}
+    texel = foreign.node("texel", image_node, **{file: image}, **space)
+    foreign.surface(surface, specular_roughness=0.3, **{port: foreign.node("map", node, **{inside: texel})})
+    texture = uv_texture(twin, "n", image, scale=(2, 2, 2, 1), bias=(-1, -1, -1, 0))
+    twin.surface("UsdPreviewSurface", diffuseColor=(0.8,) * 3, roughness=0.3, normal=texture)
+    check(foreign, twin)
+    assert np.abs(foreign.made()[0].normal - twin.points().normal).max() < 1e-6
+    assert np.ptp(twin.points().normal, axis=0).min() > 0.1
+    # At another strength it is no times and plus: it is named.
+    scale = "strength" if node == "normal_map" else "scale"
+    UsdShade.Shader(foreign.stage.GetPrimAtPath("/World/mtl/a/map")).CreateInput(scale, N.Float).Set(0.5)
+    (said,) = foreign.made()[1]
+    assert f"{port} of /World/mtl/a/surface is driven by /World/mtl/a/map with a strength of its own" in said
 
 
 def test_half_a_metal_with_a_textured_base_and_a_tint(tmp_path: Path, image: Sdf.AssetPath) -> None:

@@ -24,6 +24,7 @@ from usdslf.usd.coordinates import Affine, coordinates_of, producer, scaled, shi
 from usdslf.usd.notes import Notes
 from usdslf.usd.surface_models import NODES, OUTPUTS, SIZES, SPACES, WRAPS, Node
 
+_CHANNELS = {"r": 0, "g": 1, "b": 2, "a": 3, "x": 0, "y": 1, "z": 2, "w": 3}
 _DEEP = 32  # nodes in a row, which no network has unless it goes round
 
 
@@ -195,7 +196,9 @@ class DrivenReader:
         of = self.value(shader, node.inputs["value"], (0.0,) * 3, depth)
         words = self.text(shader, node.inputs.get("channels", ""), node.text.get("channels", ""))
         if words:
-            picked = [_component(of, "rgba".index({"x": "r", "y": "g", "z": "b"}.get(c, c))) for c in words[:3]]
+            if not set(words) <= set(_CHANNELS):
+                raise NotAffine(f"the channels {words} at {shader.GetPath()}")
+            picked = [_component(of, _CHANNELS[c]) for c in words[:3]]
             return picked[0] if len(picked) == 1 else _together(picked)
         if "index" in node.inputs:
             return _component(of, int(self.number(shader, node.inputs["index"], (0,))[0]))

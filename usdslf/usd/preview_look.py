@@ -34,8 +34,8 @@ import numpy as np
 from pxr import Sdf, Usd, UsdShade
 
 from usdslf.color import USD_DEFAULT_SPACE, color_of
-from usdslf.usd.coordinates import as_transform_2d
-from usdslf.usd.driven import Driven, DrivenReader, Image, NotAffine, as_size, constant, mix, plus, times
+from usdslf.usd.coordinates import as_transform_2d, producer
+from usdslf.usd.driven import Driven, DrivenReader, Image, NotAffine, as_size, constant, mix, node_of, plus, times
 from usdslf.usd.notes import Notes
 from usdslf.usd.surface_models import CONTEXTS, MODELS, Model
 
@@ -49,6 +49,7 @@ _COLORS = {"diffuseColor": (0.18,) * 3, "specularColor": (0.0,) * 3, "emissiveCo
 FALLBACKS: dict[str, tuple[float, ...]] = {
     **_COLORS, "useSpecularWorkflow": (0.0,), "metallic": (0.0,), "roughness": (0.5,), "clearcoat": (0.0,),
     "clearcoatRoughness": (0.01,), "ior": (1.5,), "opacity": (1.0,), "opacityThreshold": (0.0,), "opacityMode": (0.0,),
+    "normal": (0.0, 0.0, 1.0),
 }  # fmt: skip
 
 
@@ -119,6 +120,7 @@ class _Translation:
                 "standard": self._standard, "open_pbr": self._standard, "disney": self._disney, "pxr": self._pxr,
             }  # fmt: skip
             look = self._written(laws[self.model.law]())
+        look |= self._normal()
         self._name_what_is_lost()
         settled = {name: self._settled(name, value) for name, value in look.items()}
         return {
@@ -301,10 +303,31 @@ class _Translation:
         left = plus(ONE, times(through, constant(-1.0)))
         return {"opacity": self._try("opacity", times, opacity, left)}
 
+    def _normal(self) -> Look:
+        """A normal map: texels 0..1 that stand for -1..1, but those of a preview surface, which are as they are."""
+        port = self.model.normal
+        output = producer(self.shader, port)
+        if output is None or not UsdShade.Output.IsOutput(output):
+            return {}
+        try:
+            if self.model.law == "preview":
+                return {"normal": self.reader.value(self.shader, port, FALLBACKS["normal"])}
+            shader = UsdShade.Shader(output.GetPrim())
+            node = node_of(shader)
+            if node is None or node.kind != "normal":
+                raise NotAffine(f"{shader.GetIdAttr().Get() or 'a node without id'} at {shader.GetPath()}")
+            if self.reader.number(shader, node.inputs["strength"], (1.0,)) != (1.0,):
+                raise NotAffine(f"{shader.GetPath()} with a strength of its own")
+            texel = self.reader.value(shader, node.inputs["value"], (0.5, 0.5, 1.0))
+            return {"normal": plus(times(texel, constant(2.0)), constant(-1.0, -1.0, -1.0))}
+        except NotAffine as why:
+            self._say(port, str(why), "the normals of the gprim are used")
+            return {}
+
     # ---- what cannot be said ---------------------------------------------------------------
     def _settled(self, name: str, value: Driven) -> Driven:
         """A value that a UsdUVTexture or a UsdPrimvarReader can give, else the best number."""
-        wanted = "rgb" if name in _COLORS else ""
+        wanted = "rgb" if len(FALLBACKS[name]) == 3 else ""
         why = ""
         if isinstance(value.source, str):
             if set(value.scale) != {1.0} or set(value.bias) != {0.0}:

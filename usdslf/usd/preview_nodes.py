@@ -21,6 +21,7 @@ from usdslf.usd.preview_look import MODES, Look
 Names = Sdf.ValueTypeNames
 _KINDS = {
     "diffuseColor": Names.Color3f, "specularColor": Names.Color3f, "emissiveColor": Names.Color3f,
+    "normal": Names.Normal3f,
     "useSpecularWorkflow": Names.Int, "opacityMode": Names.Token,
 }  # fmt: skip
 _OWN_SPACES = ("auto", "raw", "sRGB")  # of sourceColorSpace

@@ -29,6 +29,7 @@ class Model:
     law: str  # standard | open_pbr | disney | pxr | preview
     roles: dict[str, Role]
     lost: dict[str, Default] = field(default_factory=dict)  # input -> the value at which it does nothing
+    normal: str = "normal"  # the input for a normal map
 
 
 _STANDARD: dict[str, Role] = {
@@ -111,11 +112,12 @@ MODELS: dict[str, Model] = {
             "fuzz_weight": (0.0,),
             "thin_film_weight": (0.0,),
         },
+        "geometry_normal",
     ),
     "PxrDisneyBsdf": Model(
-        "disney", _DISNEY, _DISNEY_LOST | {"diffTrans": (0.0,), "specTrans": (0.0,), "flatness": (0.0,)}
+        "disney", _DISNEY, _DISNEY_LOST | {"diffTrans": (0.0,), "specTrans": (0.0,), "flatness": (0.0,)}, "bumpNormal"
     ),
-    "PxrDisney": Model("disney", _DISNEY, _DISNEY_LOST),
+    "PxrDisney": Model("disney", _DISNEY, _DISNEY_LOST, "bumpNormal"),
     "ND_disney_principled": Model(
         "disney",
         {k: v for k, v in _DISNEY.items() if k not in ("emission_color", "opacity")}
@@ -155,6 +157,7 @@ MODELS: dict[str, Model] = {
             "subsurfaceGain": (0.0,),
             "singlescatterGain": (0.0,),
         },
+        "bumpNormal",
     ),
     "ND_UsdPreviewSurface_surfaceshader": Model(
         "preview",
@@ -180,7 +183,7 @@ MODELS: dict[str, Model] = {
 class Node:
     """A node between a surface and its values: what kind it is and what its inputs are called."""
 
-    kind: str  # image | primvar | value | math | channel | coordinates
+    kind: str  # image | primvar | value | math | channel | normal
     inputs: dict[str, str] = field(default_factory=dict)  # what driven.py asks for -> name of the input
     defaults: dict[str, float] = field(default_factory=dict)  # of inputs of `math`, in their order
     text: dict[str, str] = field(default_factory=dict)  # words that stand where there is no input
@@ -254,6 +257,8 @@ NODES: dict[str, Node] = {
     "mtlx:separate4": Node("channel", {"value": "in"}),
     "mtlx:swizzle": Node("channel", {"value": "in", "channels": "channels"}),
     "mtlx:convert": Node("value", {"value": "in"}),
+    "mtlx:normalmap": Node("normal", {"value": "in", "strength": "scale"}),
+    "normal_map": Node("normal", {"value": "input", "strength": "strength"}),
     "PxrToFloat": Node("channel", {"value": "input"}, text={"channels": "r"}),
     "PxrToFloat3": Node("value", {"value": "input"}),
 }
