@@ -179,6 +179,22 @@ def chest(folder: Path) -> Path:
 
     The floor is 2 x 2, the walls are 1 high.
     """
+    b = _chest(folder, 2.4)
+    move(b, "lid", (0, 0, 0), (0, -500, 0))
+    b.dome_light("sky", 1.0)
+    return finish(b, lights=False)
+
+
+def slit(folder: Path) -> Path:
+    """The chest with a lid that is a little short, so that some paths out of it find the sky; a ball moves above."""
+    b = _chest(folder, 2.12)
+    b.mesh("ball", ball(0.2), diffuse(b, "grey", 0.5))
+    move(b, "ball", (-1, 2, 0), (1, 2, 0))
+    b.dome_light("sky", 1.0)
+    return finish(b, lights=False)
+
+
+def _chest(folder: Path, lid: float) -> StageBuilder:
     b = StageBuilder(folder)
     floor, black = diffuse(b, "floor", 0.5), diffuse(b, "black", 0.0)
     b.mesh("floor", rectangle((-1, 0, 1), (2, 0, 0), (0, 0, -2)), floor)
@@ -189,10 +205,8 @@ def chest(folder: Path) -> Path:
         ("d", (-1, 0, 1), (0, 0, -2)),
     ):
         b.mesh(name, rectangle(corner, (0, 1, 0), along), black)
-    b.mesh("lid", rectangle((-1.2, 1, 1.2), (2.4, 0, 0), (0, 0, -2.4)), black)
-    move(b, "lid", (0, 0, 0), (0, -500, 0))
-    b.dome_light("sky", 1.0)
-    return finish(b, lights=False)
+    b.mesh("lid", rectangle((-1.2, 1, 1.2), (lid, 0, 0), (0, 0, -2.4)), black)
+    return b
 
 
 def slab(folder: Path) -> Path:

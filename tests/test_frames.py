@@ -95,6 +95,15 @@ def test_a_table_is_lit_where_something_lay_on_it(tmp_path: Path) -> None:
     np.testing.assert_allclose(seen_from_above(second, at, 1.0), 0.5, rtol=0.01)
 
 
+def test_what_sees_a_little_light_by_chance_stays_as_it_was(tmp_path: Path) -> None:
+    """Probes in a chest with a slit find light now that they did not find before, and the other way round."""
+    first = usdslf.open(str(stages.slit(tmp_path)), frame=FRAMES[0], elements=800)
+    e = first.elements
+    within = (np.abs(e.position[:, [0, 2]]).max(1) < 0.99) & (e.mesh == 0) & (e.side > 0)
+    assert within.sum() < 0.7 * 4.0 / np.median(e.area)  # a part of the floor has no elements
+    assert len(first.at_frame(FRAMES[1]).elements) == len(e)
+
+
 def test_what_grows_shines_and_counts_by_its_new_area(tmp_path: Path) -> None:
     """Two plates, against their integral equation and their area."""
     side = 1.6

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from usdslf.lookup_cells import (
     MOST_CELLS,
@@ -36,6 +37,7 @@ if TYPE_CHECKING:
 BLEND = 4  # of them are blended at a point
 CELLS_PER_SPACING = 1.5
 SMALL = 3  # divisions of triangles that share entries with others
+SAME_SPACING = 0.05  # share by which that of a part may change before its cells are done again
 LINK_GROUP = 64  # work-items of a group
 
 
@@ -96,6 +98,9 @@ class ElementLookup:
         total = int(squares.sum())
         self.entry_of_cell = np.full((2, total), NONE, np.uint32)
         self.elements_of_entry = np.full((0, NEAR), NONE, np.uint32)
+        self.kept_from: ElementLookup | None = None  # with what stayed as it was there:
+        self.kept_entries = np.zeros(0, np.int64)  # (k,) there, of the first k entries
+        self.done_again = again  # (T,)
         self._cell_of_entry = np.zeros(0, np.int64)  # (entries,) that stands for its others, + C on the back
         self._reach_of_entry = np.zeros(0, np.float32)  # (entries,) within which something can hide its elements
         if len(elements) == 0:
@@ -156,10 +161,10 @@ class ElementLookup:
         self.elements_of_entry[entry], self._cell_of_entry[entry], self._reach_of_entry[entry] = near, cell, reach
 
     def _parts_to_do(self, now: ElementLookup, moved: Moved) -> NDArray[np.bool_]:
-        """Tells which parts have moved, or other elements or another spacing than before."""
-        todo = (self._number != now._number).any(1)
+        """Tells which parts have moved, or elements on a side that had none, or another spacing than before."""
+        todo = ((self._number == 0) != (now._number == 0)).any(1)
         with np.errstate(invalid="ignore"):
-            steady = np.abs(self._spacing - now._spacing) <= 1e-3 * self._spacing
+            steady = np.abs(self._spacing - now._spacing) <= SAME_SPACING * self._spacing
         todo |= ~(steady | (self._spacing == now._spacing)).all(1)
         part_of_triangle = now._elements.part_of_triangle
         todo[part_of_triangle[moved.meshes[now._scene.triangles.mesh]]] = True
@@ -168,31 +173,38 @@ class ElementLookup:
     def _keep(self, kept: ElementLookup, again: NDArray, moved: Moved) -> tuple[NDArray, NDArray]:
         """Takes over the cells of triangles that are not done again (T,).
 
-        Returns: entry (n,) and cell (n,) of those that what moved hid elements from, or may hide them from now.
+        Returns: entry (n,) and cell (n,) of those that what moved hid elements from, or may hide them from now, and
+            of those that new elements are near to.
         """
-        stay = ~again
-        old = np.flatnonzero(np.repeat(stay, kept.divisions.astype(np.int64) ** 2))
-        new = np.flatnonzero(np.repeat(stay, self.divisions.astype(np.int64) ** 2))
+        old = np.flatnonzero(np.repeat(~again, kept.divisions.astype(np.int64) ** 2))
+        new = np.flatnonzero(np.repeat(~again, self.divisions.astype(np.int64) ** 2))
         entries = kept.entry_of_cell[:, old]
-        used = np.zeros(len(kept.elements_of_entry) + 1, bool)
+        used = np.zeros(len(kept.elements_of_entry) + 1, bool)  # the last stands for none
         used[np.minimum(entries, len(used) - 1)] = True
         used = used[:-1]
-        place = np.cumsum(used, dtype=np.int64) - 1
-        here = entries != NONE
-        renamed = np.where(here, place[np.where(here, entries, 0).astype(np.int64)], int(NONE))
-        self.entry_of_cell[:, new] = renamed.astype(np.uint32)
+        place = np.append(np.cumsum(used, dtype=np.int64) - 1, int(NONE)).astype(np.uint32)
+        self.entry_of_cell[:, new] = place[np.minimum(entries, len(used))]
+        self.kept_from, self.kept_entries = kept, np.flatnonzero(used)
         self.elements_of_entry = kept.elements_of_entry[used]
         self._reach_of_entry = kept._reach_of_entry[used]
         # The cell that stands for an entry stays too: entries are not shared between parts.
-        total = kept.entry_of_cell.shape[1]
-        new_of_old = np.zeros(total, np.int64)
+        total, there = self.entry_of_cell.shape[1], kept.entry_of_cell.shape[1]
+        new_of_old = np.zeros(there, np.int64)
         new_of_old[old] = new
-        cell = kept._cell_of_entry[used]
-        cell = new_of_old[cell % total] + np.where(cell >= total, self.entry_of_cell.shape[1], 0)
-        self._cell_of_entry = cell
-        position = self._cells(cell % self.entry_of_cell.shape[1])[1]
-        near = np.flatnonzero(moved.is_within(position, self._reach_of_entry))
-        return near, cell[near]
+        back = kept._cell_of_entry[used] >= there
+        cell = new_of_old[kept._cell_of_entry[used] % there]
+        triangle, position, _, _ = self._cells(cell)
+        self._cell_of_entry = cell + np.where(back, total, 0)
+        near = moved.is_within(position, self._reach_of_entry)
+        elements, known = self._elements, len(kept._elements)
+        if len(elements) > known:
+            side = elements.part_of_triangle[triangle] * 2 + back
+            new_side = elements.part[known:] * 2 + (elements.side[known:] < 0)
+            rows = np.flatnonzero(np.isin(side, new_side))
+            away = cKDTree(elements.position[known:]).query(position[rows])[0]
+            near[rows] |= away <= self._reach_of_entry[rows]
+        at = np.flatnonzero(near)
+        return at, self._cell_of_entry[at]
 
     @property
     def face_normals(self) -> F32:

@@ -26,6 +26,7 @@ class Placed:
     """A frame's scene, with what was placed and traced in it."""
 
     scene: Scene
+    tracer: RayTracer
     elements: Elements
     lookup: ElementLookup
     visibility: Visibility
@@ -49,22 +50,17 @@ def carry(first: Placed, scene: Scene, tracer: RayTracer, device: Device) -> Pla
     if not (look_alike(before.materials, scene.materials) and _colours_alike(before, scene)):
         elements = refresh_reflectance(elements, before, scene)
     if _same_light(before, scene) and not moved.meshes.any():
-        return Placed(scene, elements, first.lookup, first.visibility)
+        return Placed(scene, tracer, elements, first.lookup, first.visibility)
     elements = move_elements(elements, before, scene, moved.meshes)
     reason = why_not_spaced(first.elements, elements)
     if reason:
         return reason
-    elements = wake_elements(elements, scene, tracer, np.random.default_rng(0))
+    elements = wake_elements(elements, (before, first.tracer), (scene, tracer), np.random.default_rng(0))
     if len(elements) == len(first.elements) and not moved.meshes.any():
-        return Placed(scene, elements, first.lookup, first.visibility)
+        return Placed(scene, tracer, elements, first.lookup, first.visibility)
     lookup = ElementLookup(scene, tracer, elements, first.lookup, moved)
     visibility = retrace(first.visibility, first.lookup, elements, lookup, tracer, device, moved)
-    return Placed(scene, elements, lookup, visibility)
-
-
-def is_lit_alike(before: Scene, after: Scene) -> bool:
-    """Tells whether two frames have the same geometry and lights, so that the same light falls on it."""
-    return look_alike(before.lights, after.lights) and not find_moved(before, after).meshes.any()
+    return Placed(scene, tracer, elements, lookup, visibility)
 
 
 def _same_light(before: Scene, after: Scene) -> bool:

@@ -24,7 +24,7 @@ from usdslf.element_lookup import ElementLookup
 from usdslf.elements import LEAST, Elements
 from usdslf.gpu.device import Device
 from usdslf.moved import Moved, Space
-from usdslf.near_elements import NONE
+from usdslf.near_elements import NEAR, NONE
 from usdslf.scene import F32, Scene
 from usdslf.surface import evaluate_surface, is_opaque
 from usdslf.visibility import BLOCKED, RayTracer, Visibility, trace_bins
@@ -155,19 +155,30 @@ def _cones(spaces: tuple[Space, ...], elements: Elements, tracer: RayTracer) -> 
 
 def _named_otherwise(before: ElementLookup, now: ElementLookup, scene: Scene, moved: NDArray) -> NDArray[np.int64]:
     """The elements that named hits on what moved, and on cells that name others now."""
+    asked = np.ones(len(now.divisions), bool)
+    found = [np.zeros((0, NEAR), np.uint32)]
+    if now.kept_from is before:
+        # Cells that were kept share their entries with those before, which are told apart one by one.
+        old, new = before.elements_of_entry[now.kept_entries], now.elements_of_entry[: len(now.kept_entries)]
+        found.append(old[(old != new).any(1)])
+        asked = now.done_again
     stay = ~moved[scene.triangles.mesh] & (before.divisions == now.divisions)
-    old = np.repeat(stay, before.divisions.astype(np.int64) ** 2)
-    new = np.repeat(stay, now.divisions.astype(np.int64) ** 2)
-    lists = _lists(before)
-    other = np.ones(lists.shape[:2], bool)
-    other[:, old] = (lists[:, old] != _lists(now)[:, new]).any(-1)
-    found = np.unique(lists[other])
-    return found[found != NONE].astype(np.int64)
+    gone, same = (_cells_of(before, asked & ~stay), _cells_of(before, asked & stay))
+    found.append(_lists(before, gone).reshape(-1, NEAR))
+    old, new = _lists(before, same), _lists(now, _cells_of(now, asked & stay))
+    found.append(old[(old != new).any(-1)])
+    names = np.unique(np.concatenate(found))
+    return names[names != NONE].astype(np.int64)
 
 
-def _lists(lookup: ElementLookup) -> NDArray[np.uint32]:
+def _cells_of(lookup: ElementLookup, triangles: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """The cells (n,) of some triangles (T,)."""
+    return np.flatnonzero(np.repeat(triangles, lookup.divisions.astype(np.int64) ** 2))
+
+
+def _lists(lookup: ElementLookup, cells: NDArray) -> NDArray[np.uint32]:
     """The elements (2, cells, n) that hits of each side on each cell are named by, all ones for none."""
-    entry = lookup.entry_of_cell
+    entry = lookup.entry_of_cell[:, cells]
     none = entry == NONE
     lists = lookup.elements_of_entry[np.where(none, 0, entry).astype(np.int64)]
     return np.where(none[..., None], NONE, lists)

@@ -1,6 +1,6 @@
 """Moved: which meshes are elsewhere at another frame, and the space that they leave and take.
 
-Many meshes are told apart as GROUPS at most, by halves of their places, so that a ray or a place is compared with few.
+The space is that of a few groups of neighbouring triangles, so that a ray or a place is compared with few.
 """
 
 from __future__ import annotations
@@ -15,12 +15,13 @@ from numpy.typing import NDArray
 from usdslf.scene import F64, Material, Scene
 from usdslf.surface import is_opaque
 
-GROUPS = 16
+GROUPS = 16  # and three more at most
+WORTH = 0.75  # share of its solid angle that the quarters of a group may have, to be groups
 
 
 @dataclass(frozen=True)
 class Space:
-    """Spheres and boxes about k groups of meshes."""
+    """Spheres and boxes about k groups of triangles."""
 
     centre: F64  # (k, 3)
     radius: F64  # (k,)
@@ -40,9 +41,11 @@ class Moved:
         """Tells which places (n, 3) are within their reach (n,) of what moved, before or after."""
         found = np.zeros(len(position), bool)
         for space in (self.before, self.after):
+            if not len(space.low):
+                continue
+            rows = np.flatnonzero(_near_box(space.low.min(0), space.high.max(0), position, reach))
             for low, high in zip(space.low, space.high, strict=True):
-                away = np.maximum(np.maximum(low - position, position - high), 0)
-                found |= (away * away).sum(1) <= np.asarray(reach, np.float64) ** 2
+                found[rows] |= _near_box(low, high, position[rows], reach[rows])
         return found
 
 
@@ -75,12 +78,8 @@ def find_moved(before: Scene, after: Scene) -> Moved:
         ],
         bool,
     )
-    which = np.flatnonzero(meshes)
-    clouds = [[_finite(pairs[i][k].positions) for i in which] for k in (0, 1)]
-    middle = np.array([0.5 * (p.min(0) + p.max(0)) for p in clouds[1]]).reshape(-1, 3)
-    groups = _halves(middle, np.arange(len(which)), GROUPS) if len(which) else []
-    spaces = [[np.concatenate([cloud[i] for i in group]) for group in groups] for cloud in clouds]
-    return Moved(meshes, _space(spaces[0]), _space(spaces[1]))
+    first, last = (_space(s.triangles.positions[meshes[s.triangles.mesh]]) for s in (before, after))
+    return Moved(meshes, first, last)
 
 
 def look_alike(before: Any, after: Any) -> bool:
@@ -104,26 +103,52 @@ def _opacity(m: Material) -> tuple[str, float, str]:
     return repr(m.opacity), m.opacity_threshold, m.opacity_mode
 
 
-def _finite(points: NDArray) -> F64:
-    """The points (n, 3) that are somewhere; the origin where none is."""
-    p = points.astype(np.float64)
-    p = p[np.isfinite(p).all(1)]
-    return p if len(p) else np.zeros((1, 3))
+def _near_box(low: F64, high: F64, position: NDArray, reach: NDArray) -> NDArray[np.bool_]:
+    away = np.maximum(np.maximum(low - position, position - high), 0)
+    near: NDArray[np.bool_] = (away * away).sum(1) <= np.asarray(reach, np.float64) ** 2
+    return near
 
 
-def _halves(middle: F64, rows: NDArray, count: int) -> list[NDArray]:
-    """Splits rows of middles (n, 3) into `count` groups of neighbours at most, across where they are widest."""
-    if count < 2 or len(rows) < 2:
-        return [rows]
-    axis = int(np.argmax(np.ptp(middle[rows], axis=0)))
-    order = rows[np.argsort(middle[rows, axis], kind="stable")]
-    half = len(order) // 2
-    return _halves(middle, order[:half], count // 2) + _halves(middle, order[half:], count // 2)
+def _space(corners: NDArray) -> Space:
+    """Groups triangles (n, 3, 3), quartering the largest group while that is worth it."""
+    c = corners.astype(np.float64)
+    c = c[np.isfinite(c).all((1, 2))]  # others are met by no ray
+    groups = [_Group.of(c)] if len(c) else []
+    final: list[_Group] = []
+    while groups and len(groups) + len(final) < GROUPS:
+        largest = groups.pop(int(np.argmax([g.radius for g in groups])))
+        quarters = [quarter for half in largest.halves() for quarter in half.halves() or [half]]
+        if quarters and sum(g.radius**2 for g in quarters) < WORTH * largest.radius**2:
+            groups += quarters
+        else:
+            final.append(largest)
+    final += groups
+    return Space(
+        np.array([g.centre for g in final]).reshape(-1, 3),
+        np.array([g.radius for g in final]),
+        np.array([g.low for g in final]).reshape(-1, 3),
+        np.array([g.high for g in final]).reshape(-1, 3),
+    )
 
 
-def _space(clouds: list[F64]) -> Space:
-    low = np.array([p.min(0) for p in clouds]).reshape(-1, 3)
-    high = np.array([p.max(0) for p in clouds]).reshape(-1, 3)
-    centre = 0.5 * (low + high)
-    radius = np.array([np.linalg.norm(p - c, axis=1).max() for p, c in zip(clouds, centre, strict=True)])
-    return Space(centre, radius, low, high)
+@dataclass(frozen=True)
+class _Group:
+    corners: F64  # (n, 3, 3)
+    low: F64
+    high: F64
+    centre: F64
+    radius: float
+
+    @staticmethod
+    def of(corners: F64) -> _Group:
+        low, high = corners.min((0, 1)), corners.max((0, 1))
+        centre = 0.5 * (low + high)
+        return _Group(corners, low, high, centre, float(np.linalg.norm(corners - centre, axis=2).max()))
+
+    def halves(self) -> list[_Group]:
+        """Two groups, across where this is widest; none where all of it is at one place."""
+        middle = self.corners.mean(1)
+        axis = int(np.argmax(np.ptp(middle, axis=0)))
+        along = middle[:, axis]
+        lower = along < 0.5 * (along.min() + along.max())
+        return [_Group.of(self.corners[lower]), _Group.of(self.corners[~lower])] if lower.any() else []

@@ -353,7 +353,7 @@ class Session:
         reason = why_not_comparable(first.scene, other.scene)
         placed: Placed | str = reason
         if not reason:
-            start = Placed(first.scene, first.elements, first.lookup, first.visibility)
+            start = Placed(first.scene, first.tracer, first.elements, first.lookup, first.visibility)
             other.device = first.device
             with other._step("visibility"):
                 placed = carry(start, other.scene, other.tracer, first.device)

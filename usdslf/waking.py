@@ -1,13 +1,13 @@
 """Waking: elements for the surfaces that were dark where elements were placed, and see light at another frame.
 
-A few probes say which sides have light now where they have no elements; only those get candidates, as `elements.py`
-spreads them, and elements where none is near.
+Probes say which sides see light now and did not before; only those get candidates, as `elements.py` spreads them, and
+elements where none is near and most of the neighbourhood sees light.
 """
 
 from __future__ import annotations
 
-from dataclasses import fields, replace
-from functools import partial
+from collections.abc import Callable
+from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,86 +21,159 @@ from usdslf.elements import (
     LEAST,
     PROBES,
     Elements,
+    _spread,
+    _take,
     elements_of_pool,
-    living_candidates,
 )
-from usdslf.living_sides import ROUNDS
+from usdslf.living_sides import ROUNDS, find_living_points
 from usdslf.scene import Scene
+from usdslf.surface import SurfacePoints, evaluate_surface
 
 if TYPE_CHECKING:
     from usdslf.visibility import RayTracer
 
 MOST_PROBES = 1000  # on all that is dark: what is lit now is found where it is more than about a hundredth of that
+PROBE_ROUNDS = (1, 3)  # paths per probe
 HOLE = 1.0  # spacings to the nearest element; those of blue noise leave no larger holes
 RIM = 0.6  # spacings about a hole that its new elements may lie in too, or stand for
-PROBE_ROUNDS = (1, 3)  # paths per probe
+NEIGHBOURS = 8  # candidates, of which most see light where one is kept
+
+_Free = Callable[[SurfacePoints, NDArray, NDArray, float], NDArray]
+"""points, normals of their sides (n, 3), groups (n,), rim -> which have no element near (n,)."""
 
 
-def wake_elements(elements: Elements, scene: Scene, tracer: RayTracer, rng: np.random.Generator) -> Elements:
-    """Returns the elements, followed by new ones on what was dark and sees light in this scene; the same if none."""
-    table = scene.triangles
-    area = np.where(np.isfinite(table.areas), table.areas, 0.0)
-    part_of_triangle = elements.part_of_triangle
-    area_of_part = np.bincount(part_of_triangle, area)
-    parts = len(area_of_part)
-    group = elements.part + parts * (elements.side < 0)
-    number = np.bincount(group, minlength=2 * parts)
-    lit = np.bincount(group, elements.area, 2 * parts)
-    side_area = np.tile(area_of_part, 2)
-    usual = np.minimum(float(np.median(elements.area)), side_area / LEAST)
-    each = np.where(number > 0, lit / np.maximum(number, 1), usual)
-    dark = np.maximum(side_area - lit, 0)
-    dark[dark < np.maximum(0.5 * each, 1e-3 * side_area)] = 0
-    if not dark.any():
+@dataclass(frozen=True)
+class _Sides:
+    """Fronts of all parts, then backs."""
+
+    area: NDArray  # (2 parts,)
+    each: NDArray  # (2 parts,) area of an element
+    dark: NDArray  # (2 parts,) area without elements, 0 where it is too small for one
+
+
+def wake_elements(
+    elements: Elements, before: tuple[Scene, RayTracer], after: tuple[Scene, RayTracer], rng: np.random.Generator
+) -> Elements:
+    """Returns the elements, followed by new ones on what was dark and sees light now; the same if nothing is.
+
+    Args:
+        elements: where they are now.
+        before: scene and rays of the frame that they were laid at; after: of now.
+    """
+    scene, tracer = after
+    area = np.where(np.isfinite(scene.triangles.areas), scene.triangles.areas, 0.0)
+    sides = _sides(elements, area)
+    if not sides.dark.any():
         return elements
-    spacing = np.sqrt(np.maximum(each, 1e-30))
-
-    beside = np.flatnonzero(dark[group] > 0)  # elements on what is partly dark
-
-    def is_free(position: NDArray, normal: NDArray, of: NDArray, rim: float = 0.0) -> NDArray[np.bool_]:
-        free = dark[of] > 0
-        at = np.flatnonzero(free & (number[of] > 0))
-        if len(at):
-            groups = np.concatenate([group[beside], of[at]])
-            both = surface_coordinates(
-                np.concatenate([elements.position[beside], position[at]]),
-                np.concatenate([elements.normal[beside], normal[at]]),
-                groups,
-                spacing[groups],
-            )
-            there, asked = both[: len(beside)], both[len(beside) :]
-            away = cKDTree(there).query(asked, distance_upper_bound=HOLE, workers=tracer.threads)[0]
-            free[at] = hole = away > HOLE
-            if rim and hole.any():
-                near = cKDTree(asked[hole]).query(asked, distance_upper_bound=rim, workers=tracer.threads)[0]
-                free[at] = np.isfinite(near) & (away > HOLE - rim)
-        return free
-
-    # Probes as dense on the dark part of each side as they are to be, and no denser than two an element.
-    share = side_area / np.where(dark > 0, dark, 1)
-    probes = np.maximum(PROBES, MOST_PROBES * dark / dark.sum()) * share * (dark > 0)
-    probes = np.ceil(np.minimum(probes, np.maximum(2 * side_area / each, PROBES)) * (dark > 0)).astype(np.int64)
-    found, _ = living_candidates(scene, tracer, area, part_of_triangle, probes, dark > 0, PROBE_ROUNDS, rng, is_free)
-    woken = np.bincount(found.group, minlength=2 * parts) > 0
+    is_free = _free_of(elements, sides, tracer)
+    woken = _woken_sides(elements, sides, area, before, after, is_free, rng)
     if not woken.any():
         return elements
 
     # Candidates in the holes and about them, so that new elements stand for what is theirs and not for the holes alone.
-    spread = np.ceil(CANDIDATES * np.maximum(side_area / each, LEAST) * woken).astype(np.int64)
-    pool, points = living_candidates(
-        scene, tracer, area, part_of_triangle, spread, woken, ROUNDS, rng, partial(is_free, rim=RIM)
-    )
-    new_area = np.bincount(pool.group, minlength=2 * parts) * side_area / np.maximum(spread, 1)
-    new_area = np.minimum(new_area, dark)
-    quota = np.rint(new_area / each).astype(np.int64)
+    part_of_triangle, total = elements.part_of_triangle, len(woken)
+    number = np.ceil(CANDIDATES * np.maximum(sides.area / sides.each, LEAST) * woken).astype(np.int64)
+    triangle, bary, group = _spread(area, part_of_triangle, number, rng)
+    points = evaluate_surface(scene, triangle, bary, normal_maps=False)
+    normal = _normals(points, group, total)
+    ask = np.flatnonzero(is_free(points, normal, group, RIM))
+    alive = find_living_points(scene, tracer, triangle[ask], points.position[ask], normal[ask], rng, ROUNDS)
+    spacing = np.sqrt(sides.each)
+    coordinates = surface_coordinates(points.position[ask], normal[ask], group[ask], spacing[group[ask]])
+    k = min(NEIGHBOURS, len(ask))
+    near = cKDTree(coordinates).query(coordinates, k=k, workers=tracer.threads)[1].reshape(len(ask), k)
+    kept = np.flatnonzero(alive[near].mean(1) > 0.5)  # few see light by chance, deep inside of something
+    coordinates, ask = coordinates[kept], ask[kept]
+    group, points = group[ask], _take(points, ask)
+
+    new_area = np.minimum(np.bincount(group, minlength=total) * sides.area / np.maximum(number, 1), sides.dark)
+    quota = np.rint(new_area / sides.each).astype(np.int64)
     if not quota.any():
         return elements
-    coordinates = surface_coordinates(pool.position, pool.normal, pool.group, spacing[pool.group])
-    chosen = choose_blue_noise(coordinates, pool.group, quota, rng)
+    chosen = choose_blue_noise(coordinates, group, quota, rng)
     assert len(elements) + len(chosen) < LARGEST_COUNT, len(chosen)
-    count = np.bincount(pool.group[chosen], minlength=2 * parts)
+    each = new_area / np.maximum(np.bincount(group[chosen], minlength=total), 1)
     surroundings = cKDTree(coordinates[chosen]).query(coordinates, workers=tracer.threads)[1]
-    each = new_area / np.maximum(count, 1)
-    new = elements_of_pool(points, pool.group, chosen, surroundings, each, part_of_triangle, rng)
+    new = elements_of_pool(points, group, chosen, surroundings, each, part_of_triangle, rng)
     names = [f.name for f in fields(Elements) if f.name != "part_of_triangle"]
     return replace(elements, **{n: np.concatenate([getattr(elements, n), getattr(new, n)]) for n in names})
+
+
+def _sides(elements: Elements, area: NDArray) -> _Sides:
+    side_area = np.tile(np.bincount(elements.part_of_triangle, area), 2)
+    group = _groups(elements, len(side_area))
+    number = np.bincount(group, minlength=len(side_area))
+    lit = np.bincount(group, elements.area, len(side_area))
+    usual = np.minimum(float(np.median(elements.area)), side_area / LEAST)
+    each = np.maximum(np.where(number > 0, lit / np.maximum(number, 1), usual), 1e-30)
+    dark = np.maximum(side_area - lit, 0)
+    dark[dark < np.maximum(0.5 * each, 1e-3 * side_area)] = 0
+    return _Sides(side_area, each, dark)
+
+
+def _groups(elements: Elements, total: int) -> NDArray[np.int64]:
+    found: NDArray[np.int64] = elements.part + (total // 2) * (elements.side < 0).astype(np.int64)
+    return found
+
+
+def _normals(points: SurfacePoints, group: NDArray, total: int) -> NDArray:
+    return np.where((group < total // 2)[:, None], points.geometric_normal, -points.geometric_normal)
+
+
+def _free_of(elements: Elements, sides: _Sides, tracer: RayTracer) -> _Free:
+    """Makes the function that tells which places have no element near."""
+    of_element = _groups(elements, len(sides.dark))
+    number = np.bincount(of_element, minlength=len(sides.dark))
+    beside = np.flatnonzero(sides.dark[of_element] > 0)  # elements on what is partly dark
+    spacing = np.sqrt(sides.each)
+
+    def is_free(points: SurfacePoints, normal: NDArray, group: NDArray, rim: float) -> NDArray[np.bool_]:
+        free = (sides.dark[group] > 0) & (points.presence > 0)  # no holes of cut-outs
+        at = np.flatnonzero(free & (number[group] > 0))
+        if not len(at):
+            return free
+        groups = np.concatenate([of_element[beside], group[at]])
+        both = surface_coordinates(
+            np.concatenate([elements.position[beside], points.position[at]]),
+            np.concatenate([elements.normal[beside], normal[at]]),
+            groups,
+            spacing[groups],
+        )
+        there, asked = both[: len(beside)], both[len(beside) :]
+        away = cKDTree(there).query(asked, distance_upper_bound=HOLE, workers=tracer.threads)[0]
+        free[at] = hole = away > HOLE
+        if rim and hole.any():
+            near = cKDTree(asked[hole]).query(asked, distance_upper_bound=rim, workers=tracer.threads)[0]
+            free[at] = np.isfinite(near) & (away > HOLE - rim)
+        return free
+
+    return is_free
+
+
+def _woken_sides(
+    elements: Elements, sides: _Sides, area: NDArray, before: tuple[Scene, RayTracer], after: tuple[Scene, RayTracer],
+    is_free: _Free, rng: np.random.Generator,
+) -> NDArray[np.bool_]:  # fmt: skip
+    """Tells which sides (2 parts,) see light where they did not, by the same probes in both frames.
+
+    Probes deep inside of something find light by chance, as often before as now (McNemar's test, two sigma).
+    """
+    dark, total = sides.dark, len(sides.dark)
+    # As dense on the dark part of each side as they are to be, and no denser than two an element.
+    share = sides.area / np.where(dark > 0, dark, 1)
+    number = np.maximum(PROBES, MOST_PROBES * dark / dark.sum()) * share
+    number = np.minimum(number, np.maximum(2 * sides.area / sides.each, PROBES)) * (dark > 0)
+    triangle, bary, group = _spread(area, elements.part_of_triangle, np.ceil(number).astype(np.int64), rng)
+    points = evaluate_surface(after[0], triangle, bary, normal_maps=False)
+    ask = np.flatnonzero(is_free(points, _normals(points, group, total), group, 0.0))
+    triangle, bary, group = triangle[ask], bary[ask], group[ask]
+    seed = int(rng.integers(1 << 31))
+    alive = []
+    for scene, tracer in (before, after):
+        points = evaluate_surface(scene, triangle, bary, normal_maps=False)
+        normal, same = _normals(points, group, total), np.random.default_rng(seed)
+        alive.append(find_living_points(scene, tracer, triangle, points.position, normal, same, PROBE_ROUNDS))
+    gained = np.bincount(group[alive[1] & ~alive[0]], minlength=total)
+    lost = np.bincount(group[alive[0] & ~alive[1]], minlength=total)
+    found: NDArray[np.bool_] = gained - lost > 2 * np.sqrt(gained + lost)
+    return found
