@@ -11,6 +11,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+import OpenImageIO
 import pytest
 from look_stages import validate
 from numpy.testing import assert_allclose
@@ -197,3 +198,22 @@ def test_an_image_of_materialx_is_edited_and_its_file_named_from_the_look(tmp_pa
     assert isinstance(texture, Texture) and Path(texture.path).samefile(tmp_path / "plain.exr")
     texel = np.array(SHOWN["diffuse"]) / 0.8
     assert_allclose(texel * texture.scale[:3] + texture.bias[:3], AFTER["diffuse"], atol=0.02)
+
+
+def test_a_picture_shows_what_would_be_edited(tmp_path: Path, run: Run) -> None:
+    shot = plain(tmp_path, "arnold")
+    stage = Usd.Stage.Open(str(shot))
+    UsdShade.Shader(stage.GetPrimAtPath("/World/mtl/final/node")).GetInput("base_color").Set(Gf.Vec3f(0.8, 0, 0))
+    stage.GetRootLayer().Save()
+    few = ("--size", "24x24", "--samples", "1", "--elements", "150", "--bounces", "1", "--aov", "albedo")
+    albedo = []
+    for more in ((), ("--make-preview",)):
+        out = tmp_path / f"picture{len(more)}.exr"
+        code, _, err = run("render", shot, "-o", out, *few, *more)
+        assert code == 0, err
+        layers = OpenImageIO.ImageBuf(str(out))
+        names = list(layers.spec().channelnames)
+        at = [names.index(f"albedo.{c}") for c in "RGB"]
+        albedo.append(layers.get_pixels(OpenImageIO.FLOAT)[..., at].reshape(-1, 3).max(0))
+    assert_allclose(albedo[0], SHOWN["diffuse"], atol=1e-3)  # displayColor
+    assert_allclose(albedo[1], (0.8, 0, 0), atol=1e-3)

@@ -178,13 +178,14 @@ def info(options: Settings, stage: str, frame: float | None, refine: int, as_jso
 @click.option("--samples", type=click.IntRange(1, 4096), default=16, show_default=True, help="Rays a pixel.")
 @click.option("--elements", type=int, default=10000, show_default=True, help="Surface elements.")
 @click.option("--bounces", type=int, default=8, show_default=True, help="Most bounces of light.")
+@click.option("--make-preview", is_flag=True, help="Show surfaces without UsdPreviewSurface as solve would edit them.")
 @_model_option
 @_frame_options
 @settings
 def render(
     options: Settings, stage: str, output: str, camera: str | None, size: tuple[int, int] | None, edits: str | None,
     aovs: tuple[str, ...], strokes: str | None, stroke_name: str | None, samples: int,
-    elements: int, bounces: int, model: str, frame: float | None, refine: int,
+    elements: int, bounces: int, make_preview: bool, model: str, frame: float | None, refine: int,
 ) -> None:  # fmt: skip
     """A picture of direct and indirect light."""
     from usdslf.camera_rays import film_size
@@ -197,7 +198,10 @@ def render(
         raise click.UsageError(f"--aov {SIMILARITY} and --strokes STROKES go together; give both or none")
     with progress(options.quiet) as say:
         shot = open_edited(stage, edits) if edits else stage
-        session = _open(options, shot, frame, say, refine=refine, elements=elements, bounces=bounces, model=model)
+        session = _open(
+            options, shot, frame, say, refine=refine, elements=elements, bounces=bounces, model=model,
+            make_preview=make_preview,
+        )  # fmt: skip
         view = session.camera(camera)
         size, similar = size or film_size(view), {}
         if strokes:
