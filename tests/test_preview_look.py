@@ -32,7 +32,7 @@ FIELDS = (
 )  # fmt: skip
 STANDARD = "ND_standard_surface_surfaceshader"
 OPEN_PBR = "ND_open_pbr_surface_surfaceshader"
-CONTEXT = {"PxrSurface": "ri", "PxrDisneyBsdf": "ri", "standard_surface": "arnold"}
+CONTEXT = {"PxrSurface": "ri", "PxrDisney": "ri", "PxrDisneyBsdf": "ri", "standard_surface": "arnold"}
 
 
 def kind_of(value: Any) -> Sdf.ValueTypeName:
@@ -203,8 +203,16 @@ NUMBERS: dict[str, tuple[str, dict[str, Any], dict[str, Any]]] = {
         OPEN_PBR, {"emission_luminance": 3.0, "emission_color": (1.0, 0.5, 0.25)},
         {"diffuseColor": (0.8,) * 3, "emissiveColor": (3.0, 1.5, 0.75), "roughness": 0.3},
     ),
+    "defaults of PxrDisney": ("PxrDisney", {}, {"diffuseColor": (0.2, 0.5, 0.8), "roughness": 0.25}),
+    "Disney's glass": (
+        "PxrDisneyBsdf", {"baseColor": CLOTH, "ior": 2.0, "specReflectScale": 0.5, "specTrans": 0.25},
+        {
+            "useSpecularWorkflow": 1, "diffuseColor": CLOTH, "specularColor": (0.5 / 9,) * 3, "roughness": 0.25,
+            "opacity": 0.75,
+        },
+    ),
     "Disney's plastic": (
-        "PxrDisneyBsdf",
+        "PxrDisney",
         {"baseColor": CLOTH, "specular": 0.75, "roughness": 0.35, "clearcoat": 0.8, "clearcoatGloss": 0.0},
         {
             "useSpecularWorkflow": 1, "diffuseColor": CLOTH, "specularColor": (0.06,) * 3, "roughness": 0.35,
@@ -214,7 +222,7 @@ NUMBERS: dict[str, tuple[str, dict[str, Any], dict[str, Any]]] = {
     "Disney's tint": (
         "PxrDisneyBsdf", {"baseColor": CLOTH, "specularTint": 1.0},
         {
-            "useSpecularWorkflow": 1, "diffuseColor": CLOTH, "roughness": 0.5,
+            "useSpecularWorkflow": 1, "diffuseColor": CLOTH, "roughness": 0.25,
             "specularColor": tuple(0.04 * c / (0.2126 * 0.3 + 0.7152 * 0.2 + 0.0722 * 0.1) for c in CLOTH),
         },
     ),
@@ -440,11 +448,11 @@ def test_images_of_arnold(tmp_path: Path, image: Sdf.AssetPath) -> None:
 
 def test_textures_of_renderman(tmp_path: Path, image: Sdf.AssetPath) -> None:
     foreign, twin = both(tmp_path)
-    manifold = foreign.node("m", "PxrManifold2D", "result", 3, scaleS=2.0, scaleT=4.0, offsetS=0.5)
+    manifold = foreign.node("m", "PxrManifold2D", "result", 3, scaleS=2.0, scaleT=4.0, offsetS=0.5, invertS=1)
     color = foreign.node("color", "PxrTexture", "resultRGB", filename=image, linearize=1, manifold=manifold)
     rough = foreign.node("rough", "PxrTexture", "resultG", 1, filename=image, invertT=0)
     foreign.surface("PxrDisneyBsdf", baseColor=color, roughness=rough)
-    st = transformed(twin, "t", scale=(2.0, 4.0), translation=(0.5, 0.0))
+    st = transformed(twin, "t", scale=(-2.0, 4.0), translation=(0.5, 0.0))  # 1 - (2 s + .5)
     upside_down = transformed(twin, "u", scale=(1.0, -1.0), translation=(0.0, 1.0))
     twin.surface(
         "UsdPreviewSurface", diffuseColor=uv_texture(twin, "c", image, st=st, sourceColorSpace="sRGB"),

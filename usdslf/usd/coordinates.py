@@ -124,6 +124,8 @@ def _placed(reader: DrivenReader, node: UsdShade.Shader, category: str, inside: 
         st = turned(AS_IT_IS, of("angle", (0.0,))[0])
         st = scaled(st, [of("scaleS", (1.0,))[0], of("scaleT", (1.0,))[0]])
         st = shifted(st, [of("offsetS", (0.0,))[0], of("offsetT", (0.0,))[0]])
+        if of("invertS", (0.0,))[0]:
+            st = shifted(scaled(st, (-1.0, 1.0)), (1.0, 0.0))
         return name, st if of("invertT", (1.0,))[0] else shifted(scaled(st, (1.0, -1.0)), (0.0, 1.0))
     name, st = inside("texcoord")  # type: ignore[operator]
     pivot, scale, offset = np.array(of("pivot", nothing)), np.array(of("scale", one)), np.array(of("offset", nothing))

@@ -18,7 +18,8 @@ Roughness is the square root of alpha in all models.  Laws:
     open_pbr   the same with specular_weight on the metal too; a coat darkens: (1 - K) / (1 - E K) with
                K = 1 - (1 - F0) / n^2, and roughens: (r^4 + 2 r_c^4)^(1/4).  OpenPBR 1.1
     disney     F_d = .08 specular mix(1, tint, specularTint), tint the base colour over its luminance; coat of
-               .25 clearcoat, F0 .04, alpha mix(.1, .001, gloss).  Burley 2012, Section 5 and Appendix B
+               .25 clearcoat, F0 .04, alpha mix(.1, .001, gloss).  Burley 2012, Section 5 and Appendix B.  Its
+               successor (PxrDisneyBsdf, Burley 2015) has the F0 of its ior in place of .08
     pxr        F_d the face colour, or in mode physical that of ior and extinction times the edge colour; no metal
     preview    a UsdPreviewSurface in MaterialX: input by input
 
@@ -210,7 +211,8 @@ class _Translation:
 
     def _disney(self) -> _Layers:
         base = self.role("base_color")
-        f0 = times(constant(0.08, 0.08, 0.08), self.role("specular_weight"))
+        most = _f0(self.number("ior")) if "ior" in self.model.roles else 0.08
+        f0 = times(constant(most, most, most), self.role("specular_weight"))
         if not _is(amount := self.role("specular_tint"), 0):
             tint = np.array(base.best_number)
             tint = tint / max(float(tint @ _LUMINANCE), 1e-6)

@@ -82,11 +82,11 @@ _OPEN_PBR: dict[str, Role] = {
     "opacity": ("geometry_opacity", (1.0,)),
 }
 _DISNEY: dict[str, Role] = {
-    "base_color": ("baseColor", (0.5, 0.5, 0.5)),
+    "base_color": ("baseColor", (0.2, 0.5, 0.8)),
     "metalness": ("metallic", (0.0,)),
     "specular_weight": ("specular", (0.5,)),
     "specular_tint": ("specularTint", (0.0,)),
-    "roughness": ("roughness", (0.5,)),
+    "roughness": ("roughness", (0.25,)),
     "coat_weight": ("clearcoat", (0.0,)),
     "coat_gloss": ("clearcoatGloss", (1.0,)),
     "emission_color": ("emitColor", (0.0, 0.0, 0.0)),
@@ -115,13 +115,19 @@ MODELS: dict[str, Model] = {
         "geometry_normal",
     ),
     "PxrDisneyBsdf": Model(
-        "disney", _DISNEY, _DISNEY_LOST | {"diffTrans": (0.0,), "specTrans": (0.0,), "flatness": (0.0,)}, "bumpNormal"
+        "disney",
+        _DISNEY
+        | {"specular_weight": ("specReflectScale", (1.0,)), "ior": ("ior", (1.5,))}
+        | {"transmission": ("specTrans", (0.0,))},
+        _DISNEY_LOST | {"diffTrans": (0.0,), "flatness": (0.0,)},
+        "bumpNormal",
     ),
     "PxrDisney": Model("disney", _DISNEY, _DISNEY_LOST, "bumpNormal"),
     "ND_disney_principled": Model(
         "disney",
         {k: v for k, v in _DISNEY.items() if k not in ("emission_color", "opacity")}
-        | {"base_color": ("baseColor", (0.16, 0.16, 0.16)), "transmission": ("specTrans", (0.0,))},
+        | {"base_color": ("baseColor", (0.16, 0.16, 0.16)), "transmission": ("specTrans", (0.0,))}
+        | {"roughness": ("roughness", (0.5,))},
         _DISNEY_LOST,
     ),
     "PxrSurface": Model(
