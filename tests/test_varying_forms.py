@@ -13,6 +13,8 @@ from stage_parts import InputValue, StageBuilder, TextureInput, checker, write_i
 from varying_floor import (
     F0,
     GREY,
+    LEFT,
+    RIGHT,
     ROUGHNESS,
     add_lamp,
     gradient,
@@ -24,6 +26,7 @@ from varying_floor import (
 )
 
 import usdslf
+from usdslf.errors import StrokeError
 from usdslf.session import Session
 from usdslf.solve import Options
 from usdslf.strokes import Stroke
@@ -145,6 +148,50 @@ def test_scope_stroke_fades_where_nothing_was_painted(tmp_path: Path) -> None:
     np.testing.assert_allclose(surface_at(other.scene, P).diffuse, gradient(P), atol=0.05)
     corners = np.array([[x, 0, z] for x in (-0.97, 0.97) for z in (-0.97, 0.97)])
     np.testing.assert_allclose(surface_at(other.scene, corners).diffuse, 0.4, atol=0.002)
+
+
+def test_a_band_in_other_colours_varies(tmp_path: Path) -> None:
+    """It has nearly as many freedoms as dabs, but no constant comes near it."""
+    band = np.exp(-((P[:, :1] / 0.35) ** 2))
+    wanted = LEFT * band + RIGHT * (1 - band)
+    session, found = solved(write_floor(tmp_path), stroke(seen(P, wanted)))
+    assert found["varies"] and found["residual_after"] < 0.25 < 1 < found["residual_before"]
+    np.testing.assert_allclose(texels(written(session, tmp_path / "look.usda")), wanted, atol=0.1)
+
+
+def test_an_answer_that_varies_can_be_chosen_or_refused(tmp_path: Path) -> None:
+    painted = stroke(seen(P, gradient(P)))
+    session, found = solved(write_floor(tmp_path), painted)
+    ids = [a["id"] for a in found["alternatives"]]
+    assert found["varies"] and "varying diffuse" in ids and "diffuse" in ids
+    session.solve(choose={"stroke_0001": "diffuse"})
+    assert not session.report()["strokes"][0]["varies"]
+    session.strokes = [stroke(seen(P, (0.5, 0.3, 0.2)) * (1 + 0.2 * ALONG))]
+    session.solve()
+    assert not session.report()["strokes"][0]["varies"]
+    session.solve(choose={"stroke_0001": "varying diffuse"})
+    assert session.report()["strokes"][0]["varies"]
+    np.testing.assert_allclose(
+        texels(written(session, tmp_path / "look.usda")), np.array([0.5, 0.3, 0.2]) * (1 + 0.2 * ALONG), atol=0.03
+    )
+    with pytest.raises(StrokeError, match=r"choose one of .*varying diffuse"):
+        session.solve(choose={"stroke_0001": "varying colour"})
+
+
+def test_what_cannot_be_stored_is_constant_and_said(tmp_path: Path) -> None:
+    """Two points on a side are the corners of the floor: they cannot hold a picture."""
+    band = np.exp(-((P[:, :1] / 0.35) ** 2))
+    painted = stroke(seen(P, LEFT * band + RIGHT * (1 - band)))
+    options = Options.of({"variation": 0.0, "freedom": 0.0})
+    session, found = solved(write_floor(tmp_path, points_on_a_side=2), painted, options=options)
+    assert not found["varies"]
+    (said,) = [w for w in session.warnings if "cannot be stored" in w]
+    assert "its points are too far apart" in said and "/World/mtl/floor" in said
+    edits = session.author(tmp_path / "look.usda")
+    assert {e.representation for e in edits} == {"constant"}
+    # what is reported is that of the constant
+    (mean,) = [e.after for e in edits if e.attribute == "inputs:diffuseColor"]
+    np.testing.assert_allclose(mean, found["after"]["diffuse"], atol=1e-5)
 
 
 def test_points_of_instances_each_get_their_own(tmp_path: Path) -> None:

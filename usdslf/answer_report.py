@@ -104,7 +104,7 @@ def _of_stroke(session: Session, stroke: Stroke, answer: Answer, *more: Answer) 
         "varies": answer.varying is not None,
         "alternatives": [
             {
-                "id": c.id,
+                "id": name,
                 "cost": c.cost,
                 "after": _plain(
                     {
@@ -114,7 +114,7 @@ def _of_stroke(session: Session, stroke: Stroke, answer: Answer, *more: Answer) 
                     }
                 ),
             }
-            for c in answer.candidates
+            for name, c in [*((c.id, c) for c in answer.candidates), *((a.id, a.mean) for a in answer.varied)]
         ],
     }
     also = [(m, answer, *alike_means(answer, m, session.light_field)) for m in answer.pool.alike]

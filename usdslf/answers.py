@@ -18,7 +18,7 @@ from usdslf.propagate import Places
 from usdslf.scene import Scene
 from usdslf.solve import Candidate, Tables
 from usdslf.strokes import Stroke
-from usdslf.varying import Varying
+from usdslf.varying import Varying, VaryingAnswer
 
 if TYPE_CHECKING:
     from usdslf.light_field import LightField, Surface
@@ -66,6 +66,7 @@ class Answer:
     is_too_bright: bool = False  # so it seems before the light went round
     others: tuple[Alternative, ...] = ()  # of an indirect stroke: explanations by all materials in sight
     note: str = ""  # of an indirect stroke: how well its radiance is met, or why it cannot be
+    varied: tuple[VaryingAnswer, ...] = ()  # the best of each parameter that could be stored, for choosing
     varying: Varying | None = None  # where the change varies over the surface; `chosen` holds its mean
 
     @property

@@ -30,6 +30,7 @@ from usdslf.workflow import NATURAL_IOR, ior_for, normal_reflectance
 
 METAL, DIELECTRIC = 0.999, 0.001
 BETWEEN_POINTS = 0.2  # of the range of a change, that it may be off between points
+TOO_COARSE = "its points are too far apart to hold the change"
 FIELDS = {
     "diffuseColor": "diffuse_color", "specularColor": "specular_color", "ior": "ior", "roughness": "roughness",
 }  # fmt: skip
@@ -43,6 +44,11 @@ class Carrier:
     uv_set: str = ""  # of a texture; "" where points carry it
     triangles: NDArray | None = None  # (k,) that show the change
     why_not: str = ""  # reason why nothing can
+
+    @property
+    def is_too_coarse(self) -> bool:
+        """Whether points could carry a smoother change."""
+        return self.why_not.endswith(TOO_COARSE)
 
     @property
     def by_points(self) -> bool:
@@ -173,7 +179,7 @@ def _why_not_points(scene: Scene, triangles: NDArray, v: Varying) -> str:
     between = np.einsum("nk,nkc->nc", share, at_corners.reshape(len(v.places), 3, -1))
     own = v.at(v.places)
     if np.abs(between - own).max() > BETWEEN_POINTS * np.ptp(own, axis=0).max():
-        return "its points are too far apart to hold the change"
+        return TOO_COARSE
     return ""
 
 

@@ -1,8 +1,9 @@
 """Elements: blue-noise points on every side of every gprim that light can reach.
 
-Candidates, some per element, are spread over the triangles by area; those that light cannot reach are
-dropped; elements are a well-spaced choice of the rest.  The others give each element the mean
-reflectance of the surface around it, so that a texture finer than the spacing enters by its average.
+Candidates, some per element, are spread over the triangles by area, more on curved parts; those that
+light cannot reach are dropped; elements are a well-spaced choice of the rest.  The others give each
+element the mean reflectance of the surface around it, so that a texture finer than the spacing enters
+by its average.
 """
 
 from __future__ import annotations
@@ -31,6 +32,8 @@ CANDIDATES = 8  # per element
 PROBES = 10  # points per part that are asked first whether a side is alive
 MOST_PROBES = 40_000  # of all parts
 LEAST = 6  # elements on a side of a part, fewer where there are very many parts
+CURVED = 4.0  # times as many elements, at most, for the area of a curved surface
+TURN = 0.05  # radians between neighbours for which there are twice as many
 LARGEST_COUNT = 1 << 22  # 32 bits less 10 for the bin
 MEANS = (
     *("diffuse", "f0", "f90", "roughness", "clearcoat", "clearcoat_roughness", "coat_f0", "emission"),
@@ -82,8 +85,9 @@ def sample_elements(
 ) -> Elements:
     """Spreads about `count` elements over the living sides of the scene's surfaces.
 
-    Each side of a part has its share by area, so that all elements stand for about the same area, but
-    no fewer than LEAST.
+    Each side of a part has its share by area, more of it (up to CURVED times) where the surface turns between
+    elements: what a curved mirror sends is known as well as its elements' normals follow it.  None has fewer
+    than LEAST.
 
     Raises: StageError where there is no surface.
     """
@@ -104,16 +108,17 @@ def sample_elements(
     everywhere = np.ones(2 * parts, bool)
     reach, _ = living_candidates(scene, tracer, area, part_of_triangle, both, everywhere, PROBE_ROUNDS, rng)
     alive = np.bincount(reach.group, minlength=2 * parts) / np.maximum(both, 1)
+    share = np.tile(_share_of_curved(scene, area, part_of_triangle, count), 2)
     if not alive.any():
         alive = (both > 0).astype(float)  # no light anywhere: all sides are as good
 
     # Candidates on the living sides; sides that are alive everywhere need no second look.
     side_area = np.tile(area_of_part, 2)
-    quota = share_out(alive * side_area, count)
+    quota = share_out(alive * side_area * share, count)
     number = np.ceil(CANDIDATES * quota / np.maximum(alive, 0.05)).astype(np.int64)
     pool, points = living_candidates(scene, tracer, area, part_of_triangle, number, alive < 1, ROUNDS, rng)
     alive = np.bincount(pool.group, minlength=2 * parts) / np.maximum(number, 1)
-    quota = share_out(alive * side_area, count)
+    quota = share_out(alive * side_area * share, count)
     spacing = np.sqrt(alive * side_area / np.maximum(quota, 1))
 
     coordinates = surface_coordinates(pool.position, pool.normal, pool.group, spacing[pool.group])
@@ -227,6 +232,19 @@ class Pool:
     position: F32  # (n, 3)
     normal: F32  # (n, 3) geometric, of the side
     group: NDArray[np.int64]  # (n,) part, plus the number of parts on the back
+
+
+def _share_of_curved(scene: Scene, area: NDArray, part_of_triangle: NDArray, count: int) -> NDArray[np.float64]:
+    """How many times as many elements an area of each part gets (parts,), 1 where it is flat."""
+    table = scene.triangles
+    along = np.linalg.norm(np.roll(table.positions, -1, 1) - table.positions, axis=2)
+    turned = np.linalg.norm(np.roll(table.normals, -1, 1) - table.normals, axis=2)
+    is_edge = along > 0.01 * along.max(1, keepdims=True)
+    curvature = np.where(is_edge, turned / np.maximum(along, 1e-30), 0).max(1)
+    weight = area * np.isfinite(curvature)
+    turns = np.bincount(part_of_triangle, weight * np.nan_to_num(curvature))
+    mean = turns / np.maximum(np.bincount(part_of_triangle, weight), 1e-30)
+    return np.minimum(1 + mean * np.sqrt(area.sum() / count) / TURN, CURVED)
 
 
 def living_candidates(

@@ -42,7 +42,7 @@ from usdslf.solve import (
 )
 from usdslf.strokes import Stroke
 from usdslf.tools import asks_for_nothing, expected_error, wanted_radiance
-from usdslf.varying import Varying, as_candidate, places_of_dabs, refit_varying, varying_answers
+from usdslf.varying import VaryingAnswer, as_candidate, asks_to_vary, places_of_dabs, refit_varying, varying_answers
 
 if TYPE_CHECKING:
     from usdslf.visibility import RayTracer
@@ -291,47 +291,63 @@ def _first_answer(
         candidates = [c for c in candidates if not c.freed]
     wanted = [choose.get(e.stroke.name) or e.stroke.choice for e in mine]
     wanted = [w for w in wanted if w and not pool.is_held]
-    chosen = candidates[0]
+    varied: list[VaryingAnswer] = []
+    if not pool.is_held and options.norm == "mixed":
+        constant = None if wanted else candidates[0]
+        varied = _storable(pool, tables, options, constant, mine, scene, said)
+    chosen, varying = candidates[0], None
     if wanted:
-        same = [c for c in candidates if c.id == wanted[0]]
-        if not same:
-            known = ", ".join(c.id for c in candidates)
+        found = next((c for c in candidates if c.id == wanted[0]), None)
+        other = next((a for a in varied if a.id == wanted[0]), None)
+        if found is None and other is None:
+            known = ", ".join([*(c.id for c in candidates), *(a.id for a in varied)])
             raise StrokeError(f"{mine[0].stroke.path}: there is no alternative '{wanted[0]}'; choose one of {known}")
-        chosen = same[0]
-    varying = None
-    if not (wanted or pool.is_held) and options.norm == "mixed":
-        chosen, varying = _varying_or(chosen, pool, tables, options, mine, scene, said)
+        chosen, varying = (other.mean, other.varying) if found is None and other else (found or chosen, None)
+    else:
+        best = next((a for a in varied if asks_to_vary(tables, options, a, chosen)), None)
+        chosen, varying = (best.mean, best.varying) if best else (chosen, None)
     none = next((c for c in candidates if c.id == "none"), Candidate(()))
     before = relative_error(tables, replace(none, level=tables.own))
     start = Answer(
         pool, chosen, tuple(candidates), tables, {}, {}, before, before, (),
-        varying is None and seems_too_bright(tables, candidates), varying=varying,
+        varying is None and seems_too_bright(tables, candidates), varied=tuple(varied), varying=varying,
     )  # fmt: skip
     return _refit(start, evidence, painted, field, options)
 
 
-def _varying_or(
-    constant: Candidate, pool: Pool, tables: Tables, options: Options, mine: list[Evidence], scene: Scene,
+def _storable(
+    pool: Pool, tables: Tables, options: Options, constant: Candidate | None, mine: list[Evidence], scene: Scene,
     said: list[str],
-) -> tuple[Candidate, Varying | None]:  # fmt: skip
-    """The cheapest answer that varies and can be stored, where it is cheaper than the constant one."""
+) -> list[VaryingAnswer]:  # fmt: skip
+    """The best answer of each parameter that varies and can be stored; says what is asked for and cannot be.
+
+    Args:
+        constant: the best constant answer; None where the artist has chosen.
+    """
     brush = float(np.mean([e.stroke.widths.mean() for e in mine]))
     places = places_of_dabs(mine, pool.material)
-    white = whiten(tables, options)
+    found: dict[str, VaryingAnswer] = {}
     why: dict[str, None] = {}
-    for c, v in varying_answers(tables, options, white, places, brush, pool.scope == "stroke"):
-        if c.cost >= constant.cost:
-            break
-        carrier = carrier_of(scene, pool.material, pool.targets, v)
-        if not carrier.why_not:
-            return c, v
-        why[f"a varying {v.parameter}: {carrier.why_not}"] = None
-    if why:
+    refused: set[tuple[str, bool]] = set()
+    for a in varying_answers(tables, options, whiten(tables, options), places, brush, pool.scope == "stroke"):
+        kind = (a.id, a.varying.is_grey)
+        if a.id in found or kind in refused:
+            continue
+        carrier = carrier_of(scene, pool.material, pool.targets, a.varying)
+        why_not = carrier.why_not
+        if not why_not:
+            found[a.id] = a
+            continue
+        if not carrier.is_too_coarse:  # a smoother change could be stored no better
+            refused.add(kind)
+        if constant is not None and asks_to_vary(tables, options, a, constant):
+            why[f"a {a.id}: {why_not}"] = None
+    if why and not (constant and any(asks_to_vary(tables, options, a, constant) for a in found.values())):
         said.append(
             f"{', '.join(e.stroke.path for e in mine)}: the strokes ask for a change that varies over "
             f"{scene.materials[pool.material].path}, which cannot be stored ({'; '.join(why)}); it is constant"
         )
-    return constant, None
+    return list(found.values())
 
 
 def _refit(

@@ -25,13 +25,14 @@ import numpy as np
 from usdslf.evidence import Evidence, mean_by
 from usdslf.propagate import Places, Weights, propagate, reach_of
 from usdslf.scene import F64
-from usdslf.solve import Candidate, Options, Tables, score
+from usdslf.solve import Candidate, Options, Tables, refit, relative_error, score
 
-LENGTHS = (0.5, 0.25, 0.12)  # of smoothing, in the stroke's extent
+LENGTHS = (0.5, 0.25, 0.12, 0.06, 0.03)  # of smoothing, in the stroke's extent
 TILT = 1e-4  # that planes are held against across what was painted, where no dab says how they lie
 FEWEST = 6  # dabs that can say that something varies
 LEAST_STEP = 0.04  # of a reflectance or roughness, between dabs, for a change to vary
 NEAR = Weights(position=4.0, normal=0.5, reflectance=1.0)  # between dabs, the nearest decide
+HOPELESS, NEARER = 0.35, 0.4  # relative error of a constant, and share of it that is left, to vary at any cost
 OVER_TEXTURE = 10.0  # cost of a texture that is painted over
 DARKEST = 0.02  # reflectance that a factor can be told from
 NEWTON, LONGEST_STEP = 6, 0.15  # rounds for roughness, and how far one goes
@@ -110,10 +111,24 @@ def places_of_dabs(evidences: Sequence[Evidence], material: int) -> Places:
     return Places(position, normal, reflectance)
 
 
+@dataclass(frozen=True)
+class VaryingAnswer:
+    """A change that varies, as one of the explanations of a pool."""
+
+    mean: Candidate  # its mean change, with the cost of the answer
+    varying: Varying
+    error_left_out: float  # relative, of dabs foreseen from the others
+
+    @property
+    def id(self) -> str:
+        """Name in reports, and for choosing it."""
+        return f"varying {self.varying.parameter}"
+
+
 def varying_answers(
     t: Tables, o: Options, white: F64, places: Places, brush: float, is_gated: bool = False
-) -> list[tuple[Candidate, Varying]]:
-    """Returns answers that vary, cheapest first, each with its cost as a candidate; none where no stroke can ask.
+) -> list[VaryingAnswer]:
+    """Returns answers that vary, best first, each with its cost as a candidate; none where no stroke can ask.
 
     Args:
         brush: width [stage units].
@@ -124,25 +139,46 @@ def varying_answers(
         return []
     extent = float(np.linalg.norm(np.ptp(places.position, axis=0)))
     reach = reach_of(places.position, 0.5 * brush)
-    found: dict[tuple[str, str, bool], tuple[Candidate, Varying]] = {}
+    found: list[VaryingAnswer] = []
     for parameter, form, channels in _forms(t, places):
         for share in LENGTHS:
-            zero = np.zeros((n, channels))
-            v = Varying(
-                parameter, form, max(share * extent, 1e-9), zero, np.zeros((n, channels, 3)), places, reach, is_gated
-            )
-            v, freedoms = _smoothed(t, v)
+            length = max(share * extent, 1e-9)
+            near = reach if is_gated else min(reach, length)  # what fades has to be whole between the dabs
+            zero, level = np.zeros((n, channels)), np.zeros((n, channels, 3))
+            v = Varying(parameter, form, length, zero, level, places, near, is_gated)
+            v, leverage = _smoothed(t, v)
             if np.ptp(v.q if form == "value" else v.of_dabs(), axis=0).max() < LEAST_STEP:
                 continue
             r = white @ ((predicted_varying(t, v) - t.target) / t.scale).reshape(-1)
             of_dab = (r * r).reshape(n, 3).sum(1)
             misfit = float((o.outlier * np.log1p(of_dab / o.outlier)).sum())
-            c = _as_candidate(t, v, misfit, freedoms)
+            c = _as_candidate(t, v, misfit, round(float(leverage.sum())))
             c = replace(c, cost=score(t, o, c) + o.variation + OVER_TEXTURE * (form == "value"))
-            key = (parameter, form, v.is_grey)
-            if key not in found or c.cost < found[key][0].cost:
-                found[key] = c, v
-    return sorted(found.values(), key=lambda x: x[0].cost)
+            found.append(VaryingAnswer(c, v, _error_left_out(t, v, leverage)))
+    return sorted(found, key=lambda a: _plain_cost(o, a.mean) + OVER_TEXTURE * (a.varying.form == "value"))
+
+
+def asks_to_vary(t: Tables, o: Options, a: VaryingAnswer, constant: Candidate) -> bool:
+    """Whether an answer that varies is better than the best constant one.
+
+    By their costs; or where no constant comes near what was painted, and this foresees each dab from the others: of a
+    picture in many colours the best constant is as far off everywhere, which passes for a painter's drift.
+    """
+    if a.mean.cost < constant.cost:
+        return True
+    best = relative_error(t, refit(t, constant, o))
+    return best > HOPELESS and a.error_left_out < NEARER * best
+
+
+def _error_left_out(t: Tables, v: Varying, leverage: F64) -> float:
+    """Error of the dabs where each is foreseen by a smoother that has not seen it (Hastie and Tibshirani 1990)."""
+    r = (predicted_varying(t, v) - t.target) / t.scale
+    own = leverage.mean(1, keepdims=True)
+    return float(np.sqrt(np.mean((r / np.maximum(1 - own, 1e-3)) ** 2)))
+
+
+def _plain_cost(o: Options, c: Candidate) -> float:
+    return c.misfit + o.freedom * c.freedoms
 
 
 def _forms(t: Tables, places: Places) -> list[tuple[str, str, int]]:
@@ -197,8 +233,8 @@ def _slope(t: Tables, v: Varying) -> tuple[F64, F64]:
     return (base if v.form == "factor" else u), base
 
 
-def _smoothed(t: Tables, v: Varying) -> tuple[Varying, int]:
-    """The smoothed quantity of each dab, and its freedoms."""
+def _smoothed(t: Tables, v: Varying) -> tuple[Varying, F64]:
+    """The smoothed quantity of each dab, and its leverage (n, C): how much of it is the dab's own wish."""
     if v.parameter == "glossiness":
         return _smoothed_roughness(t, v)
     slope, base = _slope(t, v)
@@ -212,8 +248,8 @@ def _smoothed(t: Tables, v: Varying) -> tuple[Varying, int]:
     if v.q.shape[1] == 1:
         wanted, weight = _as_one(wanted, weight)
         least, most = least.max(1, keepdims=True), most.min(1, keepdims=True)
-    q, slopes, freedoms = _planes(v, wanted, weight)
-    return replace(v, q=np.clip(q, least, most), slope=slopes), freedoms
+    q, slopes, leverage = _planes(v, wanted, weight)
+    return replace(v, q=np.clip(q, least, most), slope=slopes), leverage
 
 
 def _range(form: str, value: F64) -> tuple[F64, F64]:
@@ -230,8 +266,8 @@ def _as_one(wanted: F64, weight: F64) -> tuple[F64, F64]:
     return (weight * wanted).sum(1, keepdims=True) / np.maximum(total, 1e-30), total
 
 
-def _planes(v: Varying, wanted: F64, weight: F64) -> tuple[F64, F64, int]:
-    """Local planes through what each dab wants (n, C): their values (n, C), slopes (n, C, 3) and freedoms."""
+def _planes(v: Varying, wanted: F64, weight: F64) -> tuple[F64, F64, F64]:
+    """Local planes through what each dab wants (n, C): their values (n, C), slopes (n, C, 3) and leverage (n, C)."""
     apart = v.places.position[None] - v.places.position[:, None]  # (i, j, 3)
     k = np.exp(-0.5 * (apart**2).sum(-1) / v.length**2)
     design = np.concatenate([np.ones((*k.shape, 1)), apart / v.length], -1)  # (i, j, 4)
@@ -242,22 +278,22 @@ def _planes(v: Varying, wanted: F64, weight: F64) -> tuple[F64, F64, int]:
     right = np.einsum("ijc,ija,jc->ica", w, design, wanted, optimize=True)
     plane = np.linalg.solve(normal, right[..., None])[..., 0]  # (i, channel, 4)
     own = np.linalg.solve(normal, np.broadcast_to(np.eye(4)[:, :1], (*normal.shape[:2], 4, 1)))[..., 0, 0]
-    return plane[..., 0], plane[..., 1:] / v.length, round(float((own * weight).sum()))  # K_ii = 1
+    return plane[..., 0], plane[..., 1:] / v.length, own * weight  # K_ii = 1
 
 
 # ---- roughness -------------------------------------------------------------------------------
-def _smoothed_roughness(t: Tables, v: Varying) -> tuple[Varying, int]:
+def _smoothed_roughness(t: Tables, v: Varying) -> tuple[Varying, F64]:
     own = v.places.reflectance[:, 6].astype(np.float64)
     rho = own + v.q[:, 0] if v.q.any() else _best_step(t, v)
-    freedoms, slopes = 0, v.slope
+    leverage, slopes = np.zeros((len(own), 1)), v.slope
     for _ in range(NEWTON):
         radiance, tangent = _at_roughness(t, rho)
         tangent = np.where(np.abs(tangent) > 1e-9, tangent, 1e-9)
         wanted, weight = _as_one((t.target - radiance) / tangent, (tangent / t.scale) ** 2)
         wanted = rho[:, None] + np.clip(wanted, -LONGEST_STEP, LONGEST_STEP) - own[:, None]
-        q, slopes, freedoms = _planes(v, wanted, weight)
+        q, slopes, leverage = _planes(v, wanted, weight)
         rho = np.clip(own + q[:, 0], 0.001, 1)
-    return replace(v, q=(rho - own)[:, None], slope=slopes), freedoms
+    return replace(v, q=(rho - own)[:, None], slope=slopes), leverage
 
 
 def _best_step(t: Tables, v: Varying) -> F64:
