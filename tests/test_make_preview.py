@@ -15,7 +15,8 @@ import OpenImageIO
 import pytest
 from look_stages import validate
 from numpy.testing import assert_allclose
-from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, UsdUtils
+from test_preview_look import Nodes
 from test_session import dabs, places, seen, write_plane
 
 import usdslf
@@ -198,6 +199,32 @@ def test_an_image_of_materialx_is_edited_and_its_file_named_from_the_look(tmp_pa
     assert isinstance(texture, Texture) and Path(texture.path).samefile(tmp_path / "plain.exr")
     texel = np.array(SHOWN["diffuse"]) / 0.8
     assert_allclose(texel * texture.scale[:3] + texture.bias[:3], AFTER["diffuse"], atol=0.02)
+
+
+def test_a_shot_in_a_package_is_edited_with_its_own_texture(tmp_path: Path, run: Run) -> None:
+    shot = Nodes(tmp_path / "shot.usda")
+    write_image(tmp_path / "a.png", np.full((4, 4, 3), 0.5, np.float32))
+    texture = shot.node("color", "ND_image_color3", file=Sdf.AssetPath("./a.png"))
+    shot.surface("ND_standard_surface_surfaceshader", base_color=texture)
+    package, look, review = (tmp_path / n for n in ("shot.usdz", "looks/look.usda", "review.usda"))
+    look.parent.mkdir()
+    assert UsdUtils.CreateNewUsdzPackage(str(tmp_path / "shot.usda"), str(package))
+    for source in ("shot.usda", "a.png"):
+        (tmp_path / source).unlink()
+    strokes = tmp_path / "strokes.usda"
+    paint = ("--path", "0.5,0.5", "--radius", "0.05", "--color", "0.3,0.05,0.05", "--size", "64x64")
+    code, _, err = run("stroke", package, strokes, *paint)
+    assert code == 0, err
+    few = ("--elements", "100", "--bounces", "1", "--make-preview")
+    code, _, err = run("solve", package, strokes, "-o", look, "--review-root", review, *few)
+    assert code == 0, err
+    assert "@../shot.usdz[a.png]@" in look.read_text()
+    code, out, _ = run("info", review)
+    assert code == 0 and "findings: 0" in out and "diffuse_color texture a.png, " in out
+    # Where the package lacks it, it is named.
+    look.write_text(look.read_text().replace("[a.png]", "[b.png]"))
+    code, out, _ = run("info", review)
+    assert "MissingFile" in out and "../shot.usdz[b.png], which is not there" in out
 
 
 def test_a_picture_shows_what_would_be_edited(tmp_path: Path, run: Run) -> None:

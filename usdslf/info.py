@@ -106,6 +106,8 @@ def _alike(lines: list[tuple[str, str, int]]) -> Iterator[tuple[str, str, int]]:
 
 def _short(value: Any) -> str:
     if isinstance(value, dict):
-        return next(f"{k} {str(v).rsplit('/', 1)[-1] or '(missing)'}" for k, v in value.items())
+        key, name = next(iter(value.items()))
+        file = str(name).rstrip("]").replace("[", "/").rsplit("/", 1)[-1]  # also in a package, shot.usdz[a.png]
+        return f"{key} {file or '(missing)'}"
     values = value if isinstance(value, list) else [value]
     return " ".join(f"{v:.3g}" for v in values)

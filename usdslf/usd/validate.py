@@ -26,7 +26,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from pxr import Sdf, Sdr, Usd, UsdShade
+from pxr import Ar, Sdf, Sdr, Usd, UsdShade
 
 from usdslf.color import color_of
 from usdslf.errors import StrokeError, UsdslfError
@@ -269,7 +269,10 @@ class _Look:
     def _is_there(self, asset: str) -> bool:
         if not asset:
             return True
-        path = Path(self.layer.ComputeAbsolutePath(asset))
+        absolute = self.layer.ComputeAbsolutePath(asset)
+        if Ar.IsPackageRelativePath(absolute):
+            return bool(Ar.GetResolver().Resolve(absolute))
+        path = Path(absolute)
         if "<UDIM>" in path.name:
             return any(path.parent.glob(path.name.replace("<UDIM>", "[0-9][0-9][0-9][0-9]")))
         return path.is_file()
