@@ -141,7 +141,7 @@ def test_other_faces_are_laid_afresh_and_that_is_said(tmp_path: Path) -> None:
 def test_iterations_go_on_from_the_last_frame_to_the_same_light(first: Session) -> None:
     first.light_field  # noqa: B018
     told: list[str] = []
-    second = first.at_frame(FRAMES[1])
+    second = first.at_frame(FRAMES[0] + 0.5)
     second._say = lambda step, share: told.append(step)
     warm = second.light_field
     cold = LightField(

@@ -147,13 +147,13 @@ def test_tables_that_are_done_again_in_part_answer_as_new_ones(stage: Callable[[
     lit = share.sum(1) > 0
     same = mine[:, 0] == other[:, 0]
     still = ~find_moved(first.scene, session.scene).meshes[session.scene.triangles.mesh[triangle]]
-    assert same[lit].mean() > 0.97
+    assert same[lit].mean() > 0.95
     assert same[lit & still].mean() > 0.9995
     corners = session.scene.triangles.positions[triangle]
     weights = np.stack([1 - bary.sum(1), *bary.T], 1)
     away = session.elements.position[np.stack([mine, other])] - (corners * weights[..., None]).sum(1)[:, None]
     mean = [(np.linalg.norm(a, axis=2) * s).sum(1)[lit].mean() for a, s in zip(away, (share, other_share))]
-    assert mean[0] == pytest.approx(mean[1], rel=2e-3)
+    assert mean[0] == pytest.approx(mean[1], rel=5e-3)
 
 
 def test_no_dark_side_is_met_where_light_comes_only_now(tmp_path: Path) -> None:

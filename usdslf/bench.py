@@ -130,7 +130,7 @@ def _moved(session: Session) -> float:
     shift = np.array([0.1, 0.3, 0.2], np.float32)
     meshes = [replace(m, positions=m.positions + shift) if m.path == MOVER else m for m in session.scene.meshes]
     scene = replace(session.scene, meshes=tuple(meshes))
-    placed = Placed(session.scene, session.tracer, session.elements, session.lookup, session.visibility)
+    placed = Placed(session.scene, session.elements, session.lookup, session.visibility, session.dark_probes)
 
     def move() -> None:
         found = carry(placed, scene, RayTracer(scene), session.device)

@@ -103,6 +103,7 @@ class ElementLookup:
         self.done_again = again  # (T,)
         self._cell_of_entry = np.zeros(0, np.int64)  # (entries,) that stands for its others, + C on the back
         self._reach_of_entry = np.zeros(0, np.float32)  # (entries,) within which something can hide its elements
+        self._middle_of_entry = np.zeros((0, 3), np.float32)  # (entries, 3) of that cell
         if len(elements) == 0:
             return
 
@@ -145,6 +146,7 @@ class ElementLookup:
         self.elements_of_entry = np.concatenate([self.elements_of_entry, np.full((more, NEAR), NONE, np.uint32)])
         self._cell_of_entry = np.concatenate([self._cell_of_entry, np.zeros(more, np.int64)])
         self._reach_of_entry = np.concatenate([self._reach_of_entry, np.zeros(more, np.float32)])
+        self._middle_of_entry = np.concatenate([self._middle_of_entry, np.zeros((more, 3), np.float32)])
         triangle, position, shading, face = self._cells(cell % total)
         back = cell >= total
         sign = np.where(back, -1, 1)[:, None]
@@ -158,7 +160,8 @@ class ElementLookup:
             self._elements.part_of_triangle[triangle] * 2 + back,
             self._spacing.ravel(),
         )
-        self.elements_of_entry[entry], self._cell_of_entry[entry], self._reach_of_entry[entry] = near, cell, reach
+        self.elements_of_entry[entry], self._cell_of_entry[entry] = near, cell
+        self._reach_of_entry[entry], self._middle_of_entry[entry] = reach, position
 
     def _parts_to_do(self, now: ElementLookup, moved: Moved) -> NDArray[np.bool_]:
         """Tells which parts have moved, or elements on a side that had none, or another spacing than before."""
@@ -193,11 +196,12 @@ class ElementLookup:
         new_of_old[old] = new
         back = kept._cell_of_entry[used] >= there
         cell = new_of_old[kept._cell_of_entry[used] % there]
-        triangle, position, _, _ = self._cells(cell)
+        position = self._middle_of_entry = kept._middle_of_entry[used]
         self._cell_of_entry = cell + np.where(back, total, 0)
         near = moved.is_within(position, self._reach_of_entry)
         elements, known = self._elements, len(kept._elements)
         if len(elements) > known:
+            triangle = np.searchsorted(self.first_cell, cell, side="right") - 1
             side = elements.part_of_triangle[triangle] * 2 + back
             new_side = elements.part[known:] * 2 + (elements.side[known:] < 0)
             rows = np.flatnonzero(np.isin(side, new_side))

@@ -7,7 +7,7 @@ It starts from the frame that elements were laid at each time, so that errors do
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from usdslf.motion import move_elements, retrace, why_not_spaced
 from usdslf.moved import find_moved, look_alike
 from usdslf.scene import Scene
 from usdslf.visibility import RayTracer, Visibility
-from usdslf.waking import wake_elements
+from usdslf.waking import DarkProbes, wake_elements
 
 
 @dataclass(frozen=True)
@@ -26,10 +26,10 @@ class Placed:
     """A frame's scene, with what was placed and traced in it."""
 
     scene: Scene
-    tracer: RayTracer
     elements: Elements
     lookup: ElementLookup
     visibility: Visibility
+    probes: DarkProbes  # of the frame that elements were laid at
 
 
 def carry(first: Placed, scene: Scene, tracer: RayTracer, device: Device) -> Placed | str:
@@ -50,17 +50,17 @@ def carry(first: Placed, scene: Scene, tracer: RayTracer, device: Device) -> Pla
     if not (look_alike(before.materials, scene.materials) and _colours_alike(before, scene)):
         elements = refresh_reflectance(elements, before, scene)
     if _same_light(before, scene) and not moved.meshes.any():
-        return Placed(scene, tracer, elements, first.lookup, first.visibility)
+        return replace(first, scene=scene, elements=elements)
     elements = move_elements(elements, before, scene, moved.meshes)
     reason = why_not_spaced(first.elements, elements)
     if reason:
         return reason
-    elements = wake_elements(elements, (before, first.tracer), (scene, tracer), np.random.default_rng(0))
+    elements = wake_elements(elements, first.probes, scene, tracer, np.random.default_rng(0))
     if len(elements) == len(first.elements) and not moved.meshes.any():
-        return Placed(scene, tracer, elements, first.lookup, first.visibility)
+        return replace(first, scene=scene, elements=elements)
     lookup = ElementLookup(scene, tracer, elements, first.lookup, moved)
     visibility = retrace(first.visibility, first.lookup, elements, lookup, tracer, device, moved)
-    return Placed(scene, tracer, elements, lookup, visibility)
+    return Placed(scene, elements, lookup, visibility, first.probes)
 
 
 def _same_light(before: Scene, after: Scene) -> bool:

@@ -59,6 +59,7 @@ from usdslf.usd.preview_material import make_preview as make_preview_materials
 from usdslf.usd.read import open_stage, quiet_usd, read_scene
 from usdslf.usd.wins import AuthoredEdit, compose_over
 from usdslf.visibility import RayTracer, Visibility, trace_visibility
+from usdslf.waking import DarkProbes, probe_dark
 
 MUCH_WORSE = 1.5  # times the residual, where a look falls short of what was found
 Say = Callable[[str, float], None]
@@ -193,6 +194,12 @@ class Session:
         lookup, device = self.lookup, self.device
         with self._step("visibility"):
             return trace_visibility(self.elements, lookup, self.tracer, device)
+
+    @cached_property
+    def dark_probes(self) -> DarkProbes:
+        """Places without elements, which other frames ask again for light."""
+        with self._step("elements"):
+            return probe_dark(self.elements, self.scene, self.tracer)
 
     @cached_property
     def fixed_light(self) -> NDArray[np.float32]:
@@ -353,7 +360,7 @@ class Session:
         reason = why_not_comparable(first.scene, other.scene)
         placed: Placed | str = reason
         if not reason:
-            start = Placed(first.scene, first.tracer, first.elements, first.lookup, first.visibility)
+            start = Placed(first.scene, first.elements, first.lookup, first.visibility, first.dark_probes)
             other.device = first.device
             with other._step("visibility"):
                 placed = carry(start, other.scene, other.tracer, first.device)

@@ -26,7 +26,7 @@ from usdslf.elements import (
     elements_of_pool,
 )
 from usdslf.living_sides import ROUNDS, find_living_points
-from usdslf.scene import Scene
+from usdslf.scene import F32, I32, Scene
 from usdslf.surface import SurfacePoints, evaluate_surface
 
 if TYPE_CHECKING:
@@ -36,10 +36,21 @@ MOST_PROBES = 1000  # on all that is dark: what is lit now is found where it is 
 PROBE_ROUNDS = (1, 3)  # paths per probe
 HOLE = 1.0  # spacings to the nearest element; those of blue noise leave no larger holes
 RIM = 0.6  # spacings about a hole that its new elements may lie in too, or stand for
+SEED = 1
 NEIGHBOURS = 8  # candidates, of which most see light where one is kept
 
 _Free = Callable[[SurfacePoints, NDArray, NDArray, float], NDArray]
 """points, normals of their sides (n, 3), groups (n,), rim -> which have no element near (n,)."""
+
+
+@dataclass(frozen=True)
+class DarkProbes:
+    """n places without elements near, where elements were laid, and which of them saw light there."""
+
+    triangle: I32  # (n,)
+    barycentric: F32  # (n, 2)
+    group: NDArray[np.int64]  # (n,) part, plus the number of parts on the back
+    alive: NDArray[np.bool_]  # (n,)
 
 
 @dataclass(frozen=True)
@@ -51,27 +62,43 @@ class _Sides:
     dark: NDArray  # (2 parts,) area without elements, 0 where it is too small for one
 
 
+def probe_dark(elements: Elements, scene: Scene, tracer: RayTracer) -> DarkProbes:
+    """Spreads probes over what has no elements, at the frame that the elements were laid at."""
+    rng = np.random.default_rng(SEED)
+    area = _finite_areas(scene)
+    sides = _sides(elements, area)
+    dark, total = sides.dark, len(sides.dark)
+    # As dense on the dark part of each side as they are to be, and no denser than two an element.
+    share = sides.area / np.where(dark > 0, dark, 1)
+    number = np.maximum(PROBES, MOST_PROBES * dark / max(dark.sum(), 1e-30)) * share
+    number = np.minimum(number, np.maximum(2 * sides.area / sides.each, PROBES)) * (dark > 0)
+    triangle, bary, group = _spread(area, elements.part_of_triangle, np.ceil(number).astype(np.int64), rng)
+    points = evaluate_surface(scene, triangle, bary, normal_maps=False)
+    ask = np.flatnonzero(_free_of(elements, sides, tracer)(points, _normals(points, group, total), group, 0.0))
+    nobody = np.zeros(len(ask), bool)
+    probes = DarkProbes(triangle[ask], bary[ask], group[ask], nobody)
+    return replace(probes, alive=_is_alive(probes, scene, tracer, total))
+
+
 def wake_elements(
-    elements: Elements, before: tuple[Scene, RayTracer], after: tuple[Scene, RayTracer], rng: np.random.Generator
+    elements: Elements, probes: DarkProbes, scene: Scene, tracer: RayTracer, rng: np.random.Generator
 ) -> Elements:
     """Returns the elements, followed by new ones on what was dark and sees light now; the same if nothing is.
 
     Args:
-        elements: where they are now.
-        before: scene and rays of the frame that they were laid at; after: of now.
+        elements: where they are now; probes: of the frame that they were laid at.
+        scene, tracer: of now.
     """
-    scene, tracer = after
-    area = np.where(np.isfinite(scene.triangles.areas), scene.triangles.areas, 0.0)
-    sides = _sides(elements, area)
-    if not sides.dark.any():
-        return elements
-    is_free = _free_of(elements, sides, tracer)
-    woken = _woken_sides(elements, sides, area, before, after, is_free, rng)
+    total = 2 * (int(elements.part_of_triangle.max(initial=-1)) + 1)
+    woken = _woken_sides(probes, scene, tracer, total)
     if not woken.any():
         return elements
+    area = _finite_areas(scene)
+    sides = _sides(elements, area)
+    is_free = _free_of(elements, sides, tracer)
 
     # Candidates in the holes and about them, so that new elements stand for what is theirs and not for the holes alone.
-    part_of_triangle, total = elements.part_of_triangle, len(woken)
+    part_of_triangle = elements.part_of_triangle
     number = np.ceil(CANDIDATES * np.maximum(sides.area / sides.each, LEAST) * woken).astype(np.int64)
     triangle, bary, group = _spread(area, part_of_triangle, number, rng)
     points = evaluate_surface(scene, triangle, bary, normal_maps=False)
@@ -150,30 +177,26 @@ def _free_of(elements: Elements, sides: _Sides, tracer: RayTracer) -> _Free:
     return is_free
 
 
-def _woken_sides(
-    elements: Elements, sides: _Sides, area: NDArray, before: tuple[Scene, RayTracer], after: tuple[Scene, RayTracer],
-    is_free: _Free, rng: np.random.Generator,
-) -> NDArray[np.bool_]:  # fmt: skip
-    """Tells which sides (2 parts,) see light where they did not, by the same probes in both frames.
+def _finite_areas(scene: Scene) -> NDArray:
+    return np.where(np.isfinite(scene.triangles.areas), scene.triangles.areas, 0.0)
+
+
+def _is_alive(probes: DarkProbes, scene: Scene, tracer: RayTracer, total: int) -> NDArray[np.bool_]:
+    """Tells which probes (n,) see light in a scene, by the same random numbers in all."""
+    points = evaluate_surface(scene, probes.triangle, probes.barycentric, normal_maps=False)
+    normal, rng = _normals(points, probes.group, total), np.random.default_rng(SEED)
+    return find_living_points(scene, tracer, probes.triangle, points.position, normal, rng, PROBE_ROUNDS)
+
+
+def _woken_sides(probes: DarkProbes, scene: Scene, tracer: RayTracer, total: int) -> NDArray[np.bool_]:
+    """Tells which sides (2 parts,) see light where they did not.
 
     Probes deep inside of something find light by chance, as often before as now (McNemar's test, two sigma).
     """
-    dark, total = sides.dark, len(sides.dark)
-    # As dense on the dark part of each side as they are to be, and no denser than two an element.
-    share = sides.area / np.where(dark > 0, dark, 1)
-    number = np.maximum(PROBES, MOST_PROBES * dark / dark.sum()) * share
-    number = np.minimum(number, np.maximum(2 * sides.area / sides.each, PROBES)) * (dark > 0)
-    triangle, bary, group = _spread(area, elements.part_of_triangle, np.ceil(number).astype(np.int64), rng)
-    points = evaluate_surface(after[0], triangle, bary, normal_maps=False)
-    ask = np.flatnonzero(is_free(points, _normals(points, group, total), group, 0.0))
-    triangle, bary, group = triangle[ask], bary[ask], group[ask]
-    seed = int(rng.integers(1 << 31))
-    alive = []
-    for scene, tracer in (before, after):
-        points = evaluate_surface(scene, triangle, bary, normal_maps=False)
-        normal, same = _normals(points, group, total), np.random.default_rng(seed)
-        alive.append(find_living_points(scene, tracer, triangle, points.position, normal, same, PROBE_ROUNDS))
-    gained = np.bincount(group[alive[1] & ~alive[0]], minlength=total)
-    lost = np.bincount(group[alive[0] & ~alive[1]], minlength=total)
+    if not len(probes.group):
+        return np.zeros(total, bool)
+    alive = _is_alive(probes, scene, tracer, total)
+    gained = np.bincount(probes.group[alive & ~probes.alive], minlength=total)
+    lost = np.bincount(probes.group[probes.alive & ~alive], minlength=total)
     found: NDArray[np.bool_] = gained - lost > 2 * np.sqrt(gained + lost)
     return found
