@@ -81,8 +81,14 @@ def _make_preview(stage: Usd.Stage, prims: Iterable[Usd.Prim] | None) -> Preview
         relationship = "material:binding"
         if not bound.isEmpty:
             relationship = "material:binding:preview"
-            others = _contexts(stage, bound)
-            notes.add(f"final renders of {{}} keep {bound} ({others}) and do not show edits", prim.GetPath())
+            if stage.GetPrimAtPath(bound):
+                others = _contexts(stage, bound)
+                notes.add(
+                    f"final renders of {{}} keep {bound} ({others}) and do not show edits", prim.GetPath()
+                )
+            else:
+                reason = "final renders of {} keep materials that this build cannot read and do not show edits"
+                notes.add(reason, f"{prim.GetPath()} (bound to {bound})")
         made.append(_Made(prim.GetPath(), paths[key], shows, relationship))
     write_made(look, made, set(paths.values()))
     copy_shot_metadata(stage, look.layer)
@@ -133,8 +139,8 @@ def _bound(gprim: Usd.Prim) -> UsdShade.Shader | None:
 
 def _contexts(stage: Usd.Stage, material: Sdf.Path) -> str:
     prim = stage.GetPrimAtPath(material)
-    if not prim or not prim.IsA(UsdShade.Material):
-        return "which this build cannot read"
+    if not prim.IsA(UsdShade.Material):
+        return f"a {prim.GetTypeName() or 'prim'}"
     outputs = [o for o in UsdShade.Material(prim).GetSurfaceOutputs() if o.HasConnectedSource()]
     return ", ".join(o.GetBaseName().rpartition(":")[0] or "universal" for o in outputs) or "no surface"
 
@@ -151,7 +157,7 @@ def _shown(
     if (bound, shown) not in looks:
         looks[bound, shown] = look_of(stage, bound, notes, shown)
     found = looks[bound, shown]
-    if found is None:
+    if found is None and stage.GetPrimAtPath(bound):
         notes.add(f"{bound} ({_contexts(stage, bound)}) has no surface that can be shown: {{}} keeps its displayColor",
                   prim.GetPath())  # fmt: skip
     return found if found is not None else plain
