@@ -224,7 +224,9 @@ def test_an_edit_that_is_taken_back_leaves_no_trace(small: Lit) -> None:
     field.set_surface(original)
     for _ in field.converge(60, 1e-6):
         pass
-    np.testing.assert_allclose(small.outgoing, before, rtol=1e-3, atol=1e-4)
+    # light between mirrors dies slowly: what is left of it is below 1e-6 a bounce
+    assert np.abs(small.outgoing - before).sum() < 1e-4 * before.sum()
+    np.testing.assert_allclose(small.outgoing, before, rtol=1e-2, atol=1e-3)
 
 
 def test_light_arrives_from_where_the_links_say(small: Lit) -> None:
