@@ -8,7 +8,7 @@ with l the reach of the painted places and r a reflectance step that is clearly 
 bounded (1 / |x - y|): one of them, near a painted place, would outvote the others whatever their weights.  The change
 of a place is
 
-    dr(x) = gate(max_y s) * sum_y s^SHARPNESS dr(y) / sum_y s^SHARPNESS,       y over the painted places
+    dr(x) = gate(max_y s) * sum_y s^4 dr(y) / sum_y s^4,       y over the painted places
 
 a mean over the painted places, not over all surfaces, which would dilute an edit to nothing; the power lets near
 places decide among many.  The gate closes where nothing painted is similar.
@@ -28,10 +28,7 @@ from usdslf.scene import F64, Scene
 from usdslf.surface import SurfacePoints, evaluate_surface
 
 REFLECTANCE_STEP = 0.08  # of d, F0 and roughness together, that is clearly seen
-NORMAL_POWER = 4
-SHARPNESS = 4
-GATE = (0.45, 0.7)  # similarity at which the gate opens, and is open
-BLOCK = 1 << 16  # pairs of places in memory, times a few numbers each, stay below 100 MB
+BLOCK = 1 << 14  # times 16 pairs of places at a time: they stay in the cache
 
 
 @dataclass(frozen=True)
@@ -82,13 +79,28 @@ def similarity(x: Places, y: Places, reach: float, weights: Weights | None = Non
         reach: l [stage units].
     """
     w = weights or Weights()
-    a, b = x.position.astype(np.float64), y.position.astype(np.float64)
-    apart = ((a[:, None] - b[None]) ** 2).sum(-1)
+    middle = y.position.mean(0, dtype=np.float64)  # products about the origin would lose what is far from it
+    s = _squares(x.position - middle, y.position - middle)
+    s /= reach**2
+    s += 1
+    np.divide(w.position, s, out=s)
+    other = _squares(x.reflectance, y.reflectance)
+    other /= REFLECTANCE_STEP**2
+    other += 1
+    s += np.divide(w.reflectance, other, out=other)
     turned = np.maximum(x.normal.astype(np.float64) @ y.normal.astype(np.float64).T, 0)
-    other = ((x.reflectance[:, None].astype(np.float64) - y.reflectance[None]) ** 2).sum(-1)
-    s = w.position / (1 + apart / reach**2) + w.normal * turned**NORMAL_POWER
-    s += w.reflectance / (1 + other / REFLECTANCE_STEP**2)
-    return s / (w.position + w.normal + w.reflectance)
+    s += w.normal * np.square(np.square(turned))
+    s /= w.position + w.normal + w.reflectance
+    return s
+
+
+def _squares(a: NDArray, b: NDArray) -> F64:
+    """Squared distances (n, m) of points (n, k) and (m, k)."""
+    a, b = a.astype(np.float64), b.astype(np.float64)
+    d = a @ (-2 * b.T)
+    d += (a * a).sum(1)[:, None]
+    d += (b * b).sum(1)
+    return np.maximum(d, 0, out=d)
 
 
 def most_similar(x: Places, painted: Places, reach: float, weights: Weights | None = None) -> F64:
@@ -112,7 +124,7 @@ def propagate(
     out = np.zeros((len(x), known.shape[1]))
     for rows in _blocks(len(x), len(painted)):
         s = similarity(x.rows(rows), painted, reach, weights)
-        k = s**SHARPNESS
+        k = np.square(np.square(s))
         out[rows] = (k @ known) / np.maximum(k.sum(1, keepdims=True), 1e-30)
         if gated:
             out[rows] *= gate(s.max(1))[:, None]
