@@ -23,6 +23,7 @@
 #define BB 3
 #define BT 4
 #define PRODUCTS 15
+#define PARTS 8 /* of the bins, each summed by itself */
 #define PRESENT 14
 #define PARALLEL 1e-4f /* sine^2 of the angle between u and v below which they say the same */
 #define CANDIDATES 4   /* nothing, diffuse, specular, both */
@@ -146,18 +147,18 @@ __kernel void take_target(__global const int *order, __global const float16 *own
     }
 }
 
-/* products of the columns and of what is wanted, summed over a row of bins
+/* products of the columns and of what is wanted, summed over a part of the bins
  * target    (blocks, D, 3) float16; weight (blocks, D) float16: the diagonal of W
- * products  (blocks, SIDE, 3, 15) float16: result, X.X X.Y X.A X.B X.T Y.Y Y.A Y.B Y.T A.A A.B A.T B.B B.T T.T
+ * products  (blocks, PARTS, 3, 15) float16: result, X.X X.Y X.A X.B X.T Y.Y Y.A Y.B Y.T A.A A.B A.T B.B B.T T.T
  */
 __kernel void take_products(__global const float16 *xy, __global const float16 *ab, __global const float16 *target,
                             __global const float16 *weight, const uint blocks, __global float16 *products)
 {
-    uint c = get_global_id(0), row = get_global_id(1), block = get_global_id(2);
-    if (c >= 3 || row >= SIDE || block >= blocks) return;
+    uint c = get_global_id(0), part = get_global_id(1), block = get_global_id(2);
+    if (c >= 3 || part >= PARTS || block >= blocks) return;
     float16 s[PRODUCTS];
     for (int k = 0; k < PRODUCTS; k++) s[k] = 0.0f;
-    for (uint d = row * SIDE; d < (row + 1) * SIDE; d++) {
+    for (uint d = part * (D_BINS / PARTS); d < (part + 1) * (D_BINS / PARTS); d++) {
         size_t one = ((size_t)block * D_BINS + d) * 3 + c, two = ((size_t)(blocks + block) * D_BINS + d) * 3 + c;
         float16 x = xy[one], y = xy[two], a = ab[one], b = ab[two], t = target[one], w = weight[block * D_BINS + d];
         float16 wx = w * x, wy = w * y, wa = w * a, wb = w * b;
@@ -166,7 +167,7 @@ __kernel void take_products(__global const float16 *xy, __global const float16 *
         s[9] += wa * a; s[10] += wa * b; s[11] += wa * t;
         s[12] += wb * b; s[13] += wb * t; s[14] += w * t * t;
     }
-    for (int k = 0; k < PRODUCTS; k++) products[((block * SIDE + row) * 3 + c) * PRODUCTS + k] = s[k];
+    for (int k = 0; k < PRODUCTS; k++) products[((block * PARTS + part) * 3 + c) * PRODUCTS + k] = s[k];
 }
 
 /* u' G v of two combinations of the bases */
@@ -280,7 +281,7 @@ inline int fit_both(const float *g, const float *now, float *d, float *f)
 }
 
 /* all candidates of one level, one work-item an element
- * products    (blocks, SIDE, 3, 15, 16)
+ * products    (blocks, PARTS, 3, 15, 16)
  * present     (blocks, 14, 16): see above
  * candidates  (blocks, CANDIDATES, 7, 16): d, F0 and what bars it, 0 or infinity
  * columns     (blocks, CANDIDATES, 12, 16): weights of X, Y, A, B, three channels each
@@ -299,9 +300,9 @@ __kernel void fit_level(__global const float *products, __global const float *pr
     for (int c = 0; c < 3; c++) {
         float sum[PRODUCTS];
         for (int k = 0; k < PRODUCTS; k++) sum[k] = 0.0f;
-        for (int row = 0; row < SIDE; row++)
+        for (int part = 0; part < PARTS; part++)
             for (int k = 0; k < PRODUCTS; k++)
-                sum[k] += products[(((block * SIDE + row) * 3 + c) * PRODUCTS + k) * LANES + lane];
+                sum[k] += products[(((block * PARTS + part) * 3 + c) * PRODUCTS + k) * LANES + lane];
         for (int k = 0, n = 0; k < BASES; k++)
             for (int l = k; l < BASES; l++, n++) g[(c * BASES + k) * BASES + l] = g[(c * BASES + l) * BASES + k] = sum[n];
     }
@@ -333,20 +334,20 @@ __kernel void fit_level(__global const float *products, __global const float *pr
     }
 }
 
-/* what each candidate leaves in a row of bins, from its own radiance: differences of large sums would drown small ones
- * left  (blocks, SIDE, CANDIDATES) float16: result, r' W r
+/* what each candidate leaves in a part of the bins, from its own radiance: differences of large sums would drown small ones
+ * left  (blocks, PARTS, CANDIDATES) float16: result, r' W r
  */
 __kernel void take_residuals(__global const float16 *xy, __global const float16 *ab, __global const float16 *target,
                              __global const float16 *weight, __global const float16 *columns, const uint blocks,
                              __global float16 *left)
 {
-    uint row = get_global_id(0), block = get_global_id(1);
-    if (row >= SIDE || block >= blocks) return;
+    uint part = get_global_id(0), block = get_global_id(1);
+    if (part >= PARTS || block >= blocks) return;
     columns += block * CANDIDATES * 12;
     float16 sum[CANDIDATES];
     for (int k = 0; k < CANDIDATES; k++) sum[k] = 0.0f;
     for (int c = 0; c < 3; c++)
-        for (uint d = row * SIDE; d < (row + 1) * SIDE; d++) {
+        for (uint d = part * (D_BINS / PARTS); d < (part + 1) * (D_BINS / PARTS); d++) {
             size_t one = ((size_t)block * D_BINS + d) * 3 + c, two = ((size_t)(blocks + block) * D_BINS + d) * 3 + c;
             float16 x = xy[one], y = xy[two], a = ab[one], b = ab[two], t = target[one], w = weight[block * D_BINS + d];
             for (int k = 0; k < CANDIDATES; k++) {
@@ -355,11 +356,11 @@ __kernel void take_residuals(__global const float16 *xy, __global const float16 
                 sum[k] += w * r * r;
             }
         }
-    for (int k = 0; k < CANDIDATES; k++) left[(block * SIDE + row) * CANDIDATES + k] = sum[k];
+    for (int k = 0; k < CANDIDATES; k++) left[(block * PARTS + part) * CANDIDATES + k] = sum[k];
 }
 
 /* the table of candidates, row by row of levels
- * candidates  (blocks, CANDIDATES, 7, 16); left (blocks, SIDE, CANDIDATES, 16)
+ * candidates  (blocks, CANDIDATES, 7, 16); left (blocks, PARTS, CANDIDATES, 16)
  * table       (blocks * 16, levels, CANDIDATES, 7): result, d, F0 and the residual
  */
 __kernel void put_level(__global const float *candidates, __global const float *left, const uint blocks,
@@ -372,6 +373,6 @@ __kernel void put_level(__global const float *candidates, __global const float *
         __global const float *from = candidates + (block * CANDIDATES + k) * 7 * LANES + lane;
         __global float *to = table + ((i * levels + level) * CANDIDATES + k) * 7;
         for (int n = 0; n < 7; n++) to[n] = from[n * LANES];
-        for (int row = 0; row < SIDE; row++) to[6] += left[((block * SIDE + row) * CANDIDATES + k) * LANES + lane];
+        for (int part = 0; part < PARTS; part++) to[6] += left[((block * PARTS + part) * CANDIDATES + k) * LANES + lane];
     }
 }

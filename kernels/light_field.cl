@@ -143,12 +143,10 @@ __kernel void reflect_sharp(__global const float16 *light, __global const int *f
     __global const float16 *from = light + (size_t)block * D_BINS * 3;
     float16 as[3] = {0.0f, 0.0f, 0.0f}, bs[3] = {0.0f, 0.0f, 0.0f};
     for (int k = first[d]; k < first[d + 1]; k++) {
-        int s = tap[k] * 3;
         float wa = a[k], wb = b[k];
-        for (int c = 0; c < 3; c++) {
-            as[c] += wa * from[s + c];
-            bs[c] += wb * from[s + c];
-        }
+        float16 r = from[tap[k] * 3], g = from[tap[k] * 3 + 1], bl = from[tap[k] * 3 + 2];
+        as[0] += wa * r; as[1] += wa * g; as[2] += wa * bl;
+        bs[0] += wb * r; bs[1] += wb * g; bs[2] += wb * bl;
     }
     __global const float16 *p = parameters + (size_t)(first_block + block) * 12;
     float16 v[3];

@@ -12,7 +12,7 @@ from light_field_scenes import lone_elements
 from reference.element_least import fit_freely, model
 
 from usdslf.directions import D, bin_directions
-from usdslf.element_solve import FITTED, OWN, ElementCandidates, enumerate_elements, follows_f0
+from usdslf.element_solve import FITTED, OWN, enumerate_elements, follows_f0
 from usdslf.gpu.device import Device
 from usdslf.light_field import LightField
 from usdslf.stylize import ask_elements, choose_surface
@@ -62,14 +62,11 @@ def scene(device: Device) -> SimpleNamespace:
     return SimpleNamespace(field=field, elements=elements, columns=columns, sent=sent, device=device)
 
 
-def _ask(scene: SimpleNamespace, wanted: np.ndarray) -> tuple[ElementCandidates, np.ndarray]:
-    return ask_elements(scene.field, scene.device.upload(np.ascontiguousarray(wanted, np.float32)))
-
-
 def _fit(scene: SimpleNamespace, wanted: np.ndarray, norm: str = "mixed", free: np.ndarray | None = None) -> Fit:
     """What is chosen for each element, and which parameters that changed."""
     may = np.ones((N, 3), bool) if free is None else free
-    after = choose_surface(scene.field, *_ask(scene, wanted), may, norm)
+    wanted_d = scene.device.upload(np.ascontiguousarray(wanted, np.float32))
+    after = choose_surface(scene.field, *ask_elements(scene.field, wanted_d, may), may, norm)
     before = scene.field.surface
     moved = (after.diffuse != before.diffuse).any(1), (after.f0 != before.f0).any(1)
     return Fit(after.diffuse, after.f0, after.roughness, np.stack([*moved, after.roughness != before.roughness], 1))
@@ -185,10 +182,10 @@ def test_a_metal_stays_one(device: Device) -> None:
     visibility = SimpleNamespace(hit=np.full((N, D), ESCAPES, np.uint32))
     field = LightField(device, elements, None, visibility, _light(rng), np.zeros((0, 3), np.float32))
     field.bounce()
-    found = ask_elements(field, device.upload(1.1 * device.download(field.outgoing_d)))
     may = np.ones((N, 3), bool)
     may[follows_f0(field), 0] = False
-    after = choose_surface(field, *found, may, "l2")
+    wanted_d = device.upload(1.1 * device.download(field.outgoing_d))
+    after = choose_surface(field, *ask_elements(field, wanted_d, may), may, "l2")
     assert not after.diffuse.any()
     np.testing.assert_array_equal(after.f0, after.f90)
     np.testing.assert_allclose(after.f0, 1.1 * color, rtol=0.02)

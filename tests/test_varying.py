@@ -11,9 +11,9 @@ from pxr import Usd
 from varying_floor import gradient, places, seen, stroke, surface_at, write_floor
 
 import usdslf
+from usdslf.flat_coordinates import lies_flat
 from usdslf.session import Session
 from usdslf.strokes import Stroke
-from usdslf.style_textures import lies_flat
 
 
 @pytest.fixture(scope="module")

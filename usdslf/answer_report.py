@@ -9,10 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdslf.answers import Answer, alike_means
+from usdslf.changes import shown_on
 from usdslf.edits import inferred
 from usdslf.scene import Scene
 from usdslf.strokes import Stroke
 from usdslf.stylize import Stylized
+from usdslf.usd.wins import AuthoredEdit
 
 if TYPE_CHECKING:
     from usdslf.session import Session
@@ -67,9 +69,8 @@ def _of_style(session: Session, s: Stylized) -> dict[str, Any]:
                 "after": _plain(style.after),
                 "residual_before": style.residual_before,
                 "residual_after": style.residual_after,
-                "representation": sorted(
-                    {e.representation for e in written if e.prim.startswith(f"{paths[style.material]}/")}
-                ),
+                **({} if np.isnan(style.residual_as_written) else {"residual_as_written": style.residual_as_written}),
+                "representation": sorted({e.representation for e in written if _is_of(e, style.material, session)}),
             }
             for style in s.styles
         ],
@@ -80,6 +81,12 @@ def _surface_of(scene: Scene, stroke: Stroke, material: int) -> str:
     """The gprim of a stroke that shows the material; the first where none does, as of an indirect stroke."""
     shows = {m.path for m in scene.meshes if material in m.material_of_triangle}
     return next((s for s in stroke.surfaces if s in shows), stroke.surfaces[0] if stroke.surfaces else "")
+
+
+def _is_of(edit: AuthoredEdit, material: int, session: Session) -> bool:
+    """Whether an edit is one of a material's nodes, or of values at the points of what shows it."""
+    path = session.scene.materials[material].path
+    return edit.prim.startswith(f"{path}/") or edit.prim in shown_on(session.scene, material)
 
 
 def _of_stroke(session: Session, stroke: Stroke, answer: Answer, *more: Answer) -> dict[str, Any]:

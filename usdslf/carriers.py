@@ -14,6 +14,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,11 +22,10 @@ from numpy.typing import NDArray
 from usdslf.bake import Baked, bake_texture, plain_texture
 from usdslf.color import Color
 from usdslf.edits import ByVertex
+from usdslf.flat_coordinates import common_sets, lies_flat
 from usdslf.nearest import nearest_on_triangles
 from usdslf.propagate import Places, places_at
 from usdslf.scene import F64, Material, Scene, Texture
-from usdslf.style_textures import common_sets, lies_flat
-from usdslf.varying import Varying
 from usdslf.workflow import NATURAL_IOR, ior_for, normal_reflectance
 
 METAL, DIELECTRIC = 0.999, 0.001
@@ -34,6 +34,24 @@ TOO_COARSE = "its points are too far apart to hold the change"
 FIELDS = {
     "diffuseColor": "diffuse_color", "specularColor": "specular_color", "ior": "ior", "roughness": "roughness",
 }  # fmt: skip
+
+
+class Varies(Protocol):
+    """A change of one parameter that varies over a surface, known at n places: of strokes or of a style.
+
+    Grey: a specular change with one value for all channels.  Noisy: it is worth having where it is met on the whole.
+    """
+
+    @property
+    def parameter(self) -> str: ...
+    @property
+    def places(self) -> Places: ...
+    @property
+    def is_grey(self) -> bool: ...
+    @property
+    def is_noisy(self) -> bool: ...
+    def at(self, x: Places) -> F64: ...
+    def of_dabs(self) -> F64: ...
 
 
 @dataclass(frozen=True)
@@ -56,7 +74,7 @@ class Carrier:
         return not self.why_not and not self.uv_set
 
 
-def carrier_of(scene: Scene, material: int, targets: Sequence[str], varying: Varying) -> Carrier:
+def carrier_of(scene: Scene, material: int, targets: Sequence[str], varying: Varies) -> Carrier:
     """Finds what stores a varying change.
 
     Args:
@@ -87,9 +105,13 @@ def carrier_of(scene: Scene, material: int, targets: Sequence[str], varying: Var
 
 
 def carry(
-    scene: Scene, material: int, carrier: Carrier, varying: Varying, folder: Path, color: Color, warnings: list[str]
-) -> Baked | ByVertex:
+    scene: Scene, material: int, carrier: Carrier, varying: Varies, folder: Path, color: Color, warnings: list[str],
+    size: tuple[int, int] | None = None,
+) -> Baked | ByVertex:  # fmt: skip
     """Writes the texture of a varying change, or says what its values are at points.
+
+    Args:
+        size: (width, height) of a texture for an input that had none.
 
     Raises: AuthorError where a texture cannot be read or written.
     """
@@ -106,10 +128,13 @@ def carry(
         return after - (before if base is None else base)
 
     stem = f"{m.path.rsplit('/', 1)[-1]}_{name}"
-    return bake_texture(scene, texture, carrier.triangles, delta, folder, stem, color=color, warnings=warnings)
+    size = None if isinstance(value, Texture) else size
+    return bake_texture(
+        scene, texture, carrier.triangles, delta, folder, stem, size=size, color=color, warnings=warnings
+    )
 
 
-def _input_of(m: Material, v: Varying) -> tuple[str, str]:
+def _input_of(m: Material, v: Varies) -> tuple[str, str]:
     """The input that says the change alone, or the reason why there is none."""
     metallic = float(m.metallic[0]) if isinstance(m.metallic, np.ndarray) else None
     is_dielectric = m.use_specular_workflow or (metallic is not None and metallic <= DIELECTRIC)
@@ -144,7 +169,7 @@ def _base(m: Material, name: str) -> F64:
     return np.full(3, normal_reflectance(ior))
 
 
-def _values(m: Material, name: str, v: Varying, x: Places) -> tuple[F64, F64]:
+def _values(m: Material, name: str, v: Varies, x: Places) -> tuple[F64, F64]:
     """The input's values (k, C) at places before and after."""
     change = v.at(x)
     if name == "roughness":
@@ -163,7 +188,7 @@ def _values(m: Material, name: str, v: Varying, x: Places) -> tuple[F64, F64]:
 
 
 # ---- points ------------------------------------------------------------------------------------
-def _why_not_points(scene: Scene, triangles: NDArray, v: Varying) -> str:
+def _why_not_points(scene: Scene, triangles: NDArray, v: Varies) -> str:
     """Why the points of meshes cannot carry a change; "" where they can."""
     table = scene.triangles
     for i in np.unique(table.mesh[triangles]):
@@ -178,12 +203,15 @@ def _why_not_points(scene: Scene, triangles: NDArray, v: Varying) -> str:
     share = np.concatenate([1 - near.barycentric.sum(1, keepdims=True), near.barycentric], 1)
     between = np.einsum("nk,nkc->nc", share, at_corners.reshape(len(v.places), 3, -1))
     own = v.at(v.places)
-    if np.abs(between - own).max() > BETWEEN_POINTS * np.ptp(own, axis=0).max():
+    off = np.abs(between - own).max() > BETWEEN_POINTS * np.ptp(own, axis=0).max()
+    if v.is_noisy:  # points that say less than half of it leave what the mean leaves, or more
+        off = np.square(between - own).sum() > 0.5 * np.square(own - own.mean(0)).sum()
+    if off:
         return TOO_COARSE
     return ""
 
 
-def _by_vertex(scene: Scene, material: int, name: str, v: Varying) -> ByVertex:
+def _by_vertex(scene: Scene, material: int, name: str, v: Varies) -> ByVertex:
     """The input's values at any points of a gprim: those of the nearest place of its surface."""
     table, m = scene.triangles, scene.materials[material]
 

@@ -78,7 +78,7 @@ def _alike_change(
     return MaterialChange(
         material=scene.materials[material],
         scope="material",
-        targets=_shown_on(scene, material),
+        targets=shown_on(scene, material),
         freed=answer.chosen.freed,
         before=_reflectance(before),
         after=_reflectance(after),
@@ -93,7 +93,7 @@ def restyled(styles: Sequence[MaterialStyle], scene: Scene) -> list[MaterialChan
         MaterialChange(
             material=scene.materials[s.material],
             scope="material",
-            targets=_shown_on(scene, s.material),
+            targets=shown_on(scene, s.material),
             freed=s.freed,
             before=_reflectance(s.before),
             after=_reflectance(s.after),
@@ -134,8 +134,8 @@ def _varied(
     return replace(change, by_vertex={carrier.input: found})
 
 
-def _shown_on(scene: Scene, material: int) -> tuple[str, ...]:
-    """Paths of the gprims that show a material."""
+def shown_on(scene: Scene, material: int) -> tuple[str, ...]:
+    """Returns the paths of the gprims that show a material."""
     table = scene.triangles
     return tuple(scene.meshes[m].path for m in np.unique(table.mesh[table.material == material]))
 

@@ -37,7 +37,7 @@ FACTORS = {"l2": (np.inf, np.inf, np.inf, 1.0), "l0": (1.0, 1.0, np.inf, np.inf)
 """Of a residual where none, one, two, three parameters change; the paper's weights are those of mixed."""
 FITTED = ("none", "diffuse", "specular", "diffuse+specular")  # at each level
 BLOCKS = 4  # of sixteen elements at a time: their columns stay in the caches of a CPU
-ROWS = 32  # of bins, each summed by itself
+PARTS = 8  # of the bins, each summed by itself
 OWN = LEVEL_COUNT  # row of an element's own roughness
 TIE = 1e-9  # of the wanted light's square: residuals below are alike
 
@@ -97,8 +97,8 @@ def enumerate_elements(
             stays grey.
     """
     chunk = BLOCKS * LANES
-    work = _Work(field, min(BLOCKS, -(-len(element) // LANES)), hold is not None)
-    for first in range(0, len(element), chunk):
+    work = _Work(field, max(min(BLOCKS, -(-len(element) // LANES)), 1), hold is not None)
+    for first in range(0, max(len(element), 1), chunk):
         rows = slice(first, first + chunk)
         n = len(element[rows])
         yield work.enumerate(
@@ -129,7 +129,7 @@ def choose_candidates(
     is_possible = np.isfinite(asked)
     if free is not None:
         is_possible &= ~np.einsum("jkp,np->njk", freed, ~free.astype(bool))
-    asked = np.where(is_possible, asked, np.inf).reshape(n, -1)
+    asked = np.where(is_possible, asked, np.inf).reshape(n, freed[..., 0].size)
     level, kind = np.divmod(asked.argmin(1), len(FITTED))
     any_possible = np.isfinite(asked.min(1))
     level, kind = np.where(any_possible, level, OWN), np.where(any_possible, kind, 0)
@@ -174,7 +174,7 @@ class _Work:
         self.light_d, self.coarse_d, self.e_pi_d = empty(*block), empty(blocks, D // 4, 3), empty(blocks, 3)
         self.xy_d, self.ab_d, self.own_d = (empty(2, *block) for _ in range(3))
         self.target_d = empty(*block)
-        self.products_d, self.left_d = empty(blocks, ROWS, 3, 15), empty(blocks, ROWS, len(FITTED))
+        self.products_d, self.left_d = empty(blocks, PARTS, 3, 15), empty(blocks, PARTS, len(FITTED))
         self.candidates_d, self.columns_d = empty(blocks, len(FITTED), 7), empty(blocks, len(FITTED), 12)
         self.square_d = empty(blocks)
         self.table_d = field.device.empty((blocks * LANES, OWN + 1, len(FITTED), 7), np.float32)
@@ -240,11 +240,11 @@ class _Work:
         """The candidates of a level, into its row of the table."""
         blocks, lanes = np.uint32(count), (count * LANES,)
         columns = (self.xy_d, ab_d, self.target_d, weight_d)
-        self.run("take_products", (3, ROWS, count), *columns, blocks, self.products_d)
+        self.run("take_products", (3, PARTS, count), *columns, blocks, self.products_d)
         self.run(
             "fit_level", lanes, self.products_d, present_d, blocks, self.candidates_d, self.columns_d, self.square_d
         )
-        self.run("take_residuals", (ROWS, count), *columns, self.columns_d, blocks, self.left_d)
+        self.run("take_residuals", (PARTS, count), *columns, self.columns_d, blocks, self.left_d)
         row = (np.uint32(level), np.uint32(OWN + 1))
         self.run("put_level", lanes, self.candidates_d, self.left_d, blocks, *row, self.table_d)
 

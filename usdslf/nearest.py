@@ -7,9 +7,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
 from usdslf.scene import F64
 
@@ -28,7 +30,8 @@ class Nearest:
 def nearest_on_triangles(corners: NDArray, points: NDArray, pair: NDArray | None = None) -> Nearest:
     """Finds the nearest point on T triangles for each of n points.
 
-    Spheres about the triangles bound all pairs first; the few that can be nearest are solved exactly.
+    The surface is no further than the nearest corner or centre; triangles whose sphere comes as near are solved
+    exactly.
 
     Args:
         corners: (T, 3, 3); triangles with corners that are not finite are never nearest.
@@ -40,19 +43,20 @@ def nearest_on_triangles(corners: NDArray, points: NDArray, pair: NDArray | None
     if pair is not None:
         return _best_of_pairs(n, np.asarray(pair), np.arange(len(corners)), corners, points)
     usable = np.flatnonzero(np.isfinite(corners).all((1, 2)))
-    center = corners[usable].mean(1)
-    radius = np.linalg.norm(corners[usable] - center[:, None], axis=2).max(1, initial=0)
     point, triangle = [np.zeros(0, int)], [np.zeros(0, int)]
-    for start in range(0, n, max(1, CHUNK // max(len(usable), 1))):
-        rows = np.arange(start, min(n, start + max(1, CHUNK // max(len(usable), 1))))
-        p = points[rows]
-        gap2 = (p**2).sum(1)[:, None] - 2 * p @ center.T + (center**2).sum(1)
-        gap = np.sqrt(np.maximum(gap2, 0))
-        slack = 1e-6 * (np.abs(center).max(initial=0) + np.abs(p).max(initial=0))  # of the expansion above
-        enough = (gap + radius).min(1, initial=np.inf)[:, None] + slack
-        i, j = np.nonzero(gap - radius <= enough)
-        point.append(rows[i])
-        triangle.append(usable[j])
+    if len(usable) and n:
+        center = corners[usable].mean(1)
+        radius = np.linalg.norm(corners[usable] - center[:, None], axis=2).max(1)
+        marks = np.concatenate([center, corners[usable].reshape(-1, 3)])
+        enough = cKDTree(marks).query(points)[0] + 1e-9 * (np.abs(marks).max() + np.abs(points).max())
+        size = np.ceil(np.log2(np.maximum(radius, 1e-6 * radius.max() + 1e-300)))
+        for one in np.unique(size):  # alike in size: a single large triangle must not widen the search among small ones
+            rows = np.flatnonzero(size == one)
+            found = cKDTree(center[rows]).query_ball_point(points, enough + radius[rows].max())
+            i, j = np.repeat(np.arange(n), [len(f) for f in found]), rows[np.fromiter(chain(*found), int)]
+            near = np.linalg.norm(points[i] - center[j], axis=1) <= enough[i] + radius[j]
+            point.append(i[near])
+            triangle.append(usable[j[near]])
     return _best_of_pairs(n, np.concatenate(point), np.concatenate(triangle), corners, points)
 
 

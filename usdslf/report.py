@@ -11,7 +11,8 @@ def lines_of_report(report: Mapping[str, Any]) -> Iterator[str]:
     for style in report.get("materials", ()):
         yield f"{style['material']}: {style['inferred']}"
         residual = f"{style['residual_before']:.3f} -> {style['residual_after']:.3f}"
-        yield f"  {_changes(style)}; residual {residual}"
+        written = f", as written {style['residual_as_written']:.3f}" if "residual_as_written" in style else ""
+        yield f"  {_changes(style)}; residual of its elements {residual}{written}"
     for stroke in report["strokes"]:
         tie = "  (ambiguous)" if stroke.get("ambiguous") else ""
         tie += "  (varies over the surface; means follow)" if stroke.get("varies") else ""

@@ -41,7 +41,7 @@ from usdslf.residuals import residual_as_preview, residual_as_written
 from usdslf.scene import Camera, Light, Scene
 from usdslf.solve import Options
 from usdslf.strokes import Stroke
-from usdslf.style_textures import with_textures
+from usdslf.style_changes import with_styles
 from usdslf.stylize import (
     AMOUNT,
     RADIUS,
@@ -467,15 +467,25 @@ class Session:
         for edit in self.edits:
             if not edit.wins:
                 self.warn(f"{edit.prim}.{edit.attribute} is hidden by {edit.hidden_by}: {edit.mend}")
-        self._measure_varying(path)
-        return self.edits
+        self._measure_written(path)
+        worse = [s for s in self.stylized.styles if s.is_worse_as_written] if self.stylized else []
+        if not worse:
+            return self.edits
+        for style in worse:
+            was, became = style.residual_before, style.residual_as_written
+            self.warn(
+                f"{scene.materials[style.material].path} stays as it is: as it can be written, its change brings it no "
+                f"nearer to what was wanted, {was:.3f} became {became:.3f}"
+            )
+        self.stylized = self.stylized.without(worse) if self.stylized else None
+        return self.author(path, strokes_path, review_root, mode)
 
-    def _measure_varying(self, look: str | os.PathLike[str]) -> None:
+    def _measure_written(self, look: str | os.PathLike[str]) -> None:
         """Looks at what a look shows where a change varies: texels and points hold it only so well."""
         varying = [a for a in self.answers if a.varying]
         self.residual_as_written = {}
-        if not varying or not self.shot.GetRootLayer().realPath:  # a shot in memory alone is in no look's reach
-            return
+        if not (varying or self.stylized) or not self.shot.GetRootLayer().realPath:
+            return  # a shot in memory alone is in no look's reach
         other = self.edited(look)
         if len(other.scene.triangles.mesh) != len(self.scene.triangles.mesh):
             return
@@ -483,6 +493,8 @@ class Session:
             elements = refresh_reflectance(self.elements, self.scene, other.scene)
             field.set_surface(Surface.of(elements))
             self._converge(field)
+            if self.stylized:
+                self.stylized = self.stylized.as_written(field)
             for a in varying:
                 residual = residual_as_written(a, other.scene, self._painted, field)
                 self.residual_as_written[a.pool] = residual
@@ -525,7 +537,7 @@ class Session:
             return with_varying(changes, self.answers, self.scene, folder, color, self.warnings)
         styles = [style for style in s.styles if style.freed]
         return [
-            with_textures(c, style, s, self.scene, self.elements, folder, color, self.warnings)
+            with_styles(c, style, s, self.scene, self.elements, folder, color, self.warnings)
             for c, style in zip(changes, styles, strict=True)
         ]
 

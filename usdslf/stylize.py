@@ -58,12 +58,18 @@ class MaterialStyle:
     before: dict[str, NDArray]  # diffuse (3,), specular (3,), roughness (1,)
     after: dict[str, NDArray]
     residual_before: float  # relative RMS over its elements and all directions
-    residual_after: float
+    residual_after: float  # with the reflectance of the elements
+    residual_as_written: float = float("nan")  # with what a look layer shows there
 
     @property
     def got_worse(self) -> bool:
         """Whether it changed and explains less than before: other surfaces changed its light."""
         return bool(self.freed) and self.residual_after >= self.residual_before
+
+    @property
+    def is_worse_as_written(self) -> bool:
+        """Whether it changed and explains no more than before where a look layer shows it."""
+        return bool(self.freed) and self.residual_as_written >= self.residual_before
 
 
 @dataclass(frozen=True)
@@ -76,12 +82,30 @@ class Stylized:
     after: Surface
     styles: tuple[MaterialStyle, ...]  # of each material that may change and is seen by light
     rounds: tuple[float, ...]  # residual over the scene after each
+    wanted_d: Any = None  # light that was asked for, on the device (N, D, 3); None: the light as it is
 
     def change_at(self, rows: NDArray) -> tuple[F64, F64, F64]:
         """Returns the changes of diffuse (n, 3), F0 (n, 3) and roughness (n,) at elements."""
         take = lambda s, name: getattr(s, name)[rows].astype(np.float64)  # noqa: E731
         change = lambda name: take(self.after, name) - take(self.before, name)  # noqa: E731
         return change("diffuse"), change("f0"), change("roughness")
+
+    def as_written(self, field: LightField) -> Stylized:
+        """Returns the same, with the residuals of the light field of now, that of a look layer read back."""
+        if self.wanted_d is None:
+            return self
+        misfit = take_misfit(field, self.wanted_d)
+        return replace(
+            self,
+            styles=tuple(replace(s, residual_as_written=_residual(misfit[s.elements])) for s in self.styles),
+        )
+
+    def without(self, styles: Sequence[MaterialStyle]) -> Stylized:
+        """Returns the same with some materials left as they were."""
+        left = {s.material for s in styles}
+        return replace(
+            self, styles=tuple(replace(s, freed=(), after=s.before) if s.material in left else s for s in self.styles)
+        )
 
 
 def check_numbers(amount: float, radius: float) -> None:
@@ -177,7 +201,7 @@ def stylize_light(
     kept: Stylized | None = None
     for _ in range(ROUNDS):
         now = field.surface
-        found, scale = ask_elements(field, wanted_d)
+        found, scale = ask_elements(field, wanted_d, may_change)
         if kept is None:
             after = choose_surface(field, found, scale, may_change, norm)
             for m in free:
@@ -196,34 +220,36 @@ def stylize_light(
             return
         is_done = kept is not None and kept.rounds[-1] - residual < CONVERGED * kept.rounds[-1]
         styles = tuple(_style(m, field, start, before, misfit) for m in free)
-        kept = Stylized(amount, radius, start, after, styles, rounds)
+        kept = Stylized(amount, radius, start, after, styles, rounds, wanted_d)
         yield kept
         if is_done:
             return
 
 
-def ask_elements(field: LightField, wanted_d: Any) -> tuple[ElementCandidates, F64]:
-    """Returns all candidates of all elements, by roughness, and the light (n,) there, squared.
+def ask_elements(field: LightField, wanted_d: Any, may_change: NDArray) -> tuple[ElementCandidates, F64]:
+    """Returns candidates of the elements that may change and miss what is wanted, and the light (n,) there, squared.
 
-    It is what is wanted, what is missing and what is emitted: what is wanted alone may be darkness.
+    That light is what is wanted, what is missing and what is emitted: what is wanted alone may be darkness.
+
+    Args:
+        may_change: (N, 3) which of diffuse, specular, glossiness.
     """
-    order = np.argsort(field.surface.roughness, kind="stable")
     glow = D * (np.asarray(field.surface.emission, np.float64) ** 2).sum(1)
-    scale = take_misfit(field, wanted_d).sum(1) + glow
-    hold = scale[:, None] / 3 * HOLD[:2]
-    return joined(list(enumerate_elements(field, order, wanted_d, hold=hold[order]))), scale[order]
+    misfit = take_misfit(field, wanted_d)
+    scale = misfit.sum(1) + glow
+    rows = np.flatnonzero((misfit[:, 0] > MISFIT**2 * scale) & may_change.any(1))
+    rows = rows[np.argsort(field.surface.roughness[rows], kind="stable")]
+    hold = scale[rows, None] / 3 * HOLD[:2]
+    return joined(list(enumerate_elements(field, rows, wanted_d, hold=hold))), scale[rows]
 
 
 def choose_surface(field: LightField, found: ElementCandidates, scale: F64, may_change: NDArray, norm: str) -> Surface:
     """Returns the best valid reflectance of all elements, with no change that `may_change` (N, 3) forbids."""
     s, e = field.surface, found.element
-    is_wanting = found.residual_before > MISFIT**2 * scale
     moved = [(x - x[:, OWN:, :1]).astype(np.float64) ** 2 for x in (found.diffuse, found.f0)]
     turned = (found.roughness - found.roughness[:, OWN:]) ** 2
     price = HOLD[0] * moved[0].mean(-1) + HOLD[1] * moved[1].mean(-1) + HOLD[2] * turned[..., None]
-    change = choose_candidates(
-        found, FACTORS[norm], may_change[e] & is_wanting[:, None], NOISE**2 * scale, scale[:, None, None] * price
-    )
+    change = choose_candidates(found, FACTORS[norm], may_change[e], NOISE**2 * scale, scale[:, None, None] * price)
     f90 = np.where(follows_f0(field)[e, None] & change.changed[:, 1:2], change.f0, s.f90[e])
     return s.with_rows(e, diffuse=change.diffuse, f0=change.f0, f90=f90, roughness=change.roughness)
 

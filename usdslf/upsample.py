@@ -13,7 +13,7 @@ Source: Nguyen et al. 2013, 6.5 and figure 13; Kopf et al. 2007.
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import cKDTree
 
 from usdslf.propagate import Places
@@ -34,14 +34,22 @@ def upsample(
         appearance: False: position and normal only.
     """
     v = np.asarray(values, np.float64).reshape(len(known), -1)
+    index, k = upsampling_weights(x, known, spacing, appearance, nearest)
+    return np.einsum("nk,nkc->nc", k, v[index])
+
+
+def upsampling_weights(
+    x: Places, known: Places, spacing: float, appearance: bool = True, nearest: int = NEAREST
+) -> tuple[NDArray[np.int64], F64]:
+    """Returns which elements (n, k) each place takes its change from, and their weights (n, k), 1 in all."""
     count = min(nearest, len(known))
     distance, index = cKDTree(known.position).query(x.position, count)
     distance, index = distance.reshape(len(x), count), index.reshape(len(x), count)
     k = np.exp(-0.5 * np.minimum((distance / spacing) ** 2, 40.0))
     turned = np.einsum("ni,nki->nk", x.normal.astype(np.float64), known.normal[index].astype(np.float64))
     k = k * np.maximum(turned, 0) ** 2
-    if appearance:
+    if appearance and (np.ptp(known.reflectance, axis=0).any() or (x.reflectance != known.reflectance[0]).any()):
         other = ((x.reflectance[:, None].astype(np.float64) - known.reflectance[index]) ** 2).sum(-1)
         k = k * np.exp(-0.5 * np.minimum(other / APPEARANCE_STEP**2, 200.0))
     k = k + FLOOR * np.exp(-0.5 * np.minimum(((distance - distance[:, :1]) / spacing) ** 2, 40.0))
-    return np.einsum("nk,nkc->nc", k / k.sum(1, keepdims=True), v[index])
+    return index, k / k.sum(1, keepdims=True)

@@ -52,6 +52,7 @@ class Varying:
     reach: float  # of propagation [stage units]
     is_gated: bool = False  # fades where nothing painted is near: of strokes that change only what they cover
     weights: Weights = NEAR
+    is_noisy: bool = False  # whether it is worth having where it is met on the whole
 
     @property
     def is_grey(self) -> bool:

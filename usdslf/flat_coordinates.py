@@ -1,0 +1,37 @@
+"""Flat coordinates: texture coordinates that a texture can be painted in, each place in a texel of its own.
+
+    common_sets(scene, triangles) -> names       coordinates that all meshes of some triangles have
+    lies_flat(scene, triangles, uv_set) -> bool  whether no triangle lies upon another there
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usdslf.scene import Scene
+from usdslf.texel_cover import texel_points
+
+GRID = 128  # texels on a side that tell whether triangles lie upon each other
+OVERLAP = 0.02  # of the covered ones
+
+
+def common_sets(scene: Scene, triangles: NDArray) -> list[str]:
+    """Returns the texture coordinates that all meshes of the triangles have, `st` first."""
+    meshes = [scene.meshes[i] for i in np.unique(scene.triangles.mesh[triangles])]
+    common = set.intersection(*(set(m.uvs) for m in meshes)) if meshes else set()
+    return sorted(common, key=lambda name: (name != "st", name))
+
+
+def lies_flat(scene: Scene, triangles: NDArray, uv_set: str) -> bool:
+    """Whether triangles lie within 0..1 of their texture coordinates, each beside the others and none without area."""
+    uv = scene.corner_uvs(uv_set)[triangles].astype(np.float64)
+    if not np.isfinite(uv).all() or uv.min() < -1e-3 or uv.max() > 1 + 1e-3:
+        return False
+    hits = np.zeros(GRID * GRID, np.int64)
+    for points in texel_points(uv, GRID, GRID, "clamp", "clamp"):
+        np.add.at(hits, points.y * GRID + points.x, 1)
+    a, b = uv[:, 1] - uv[:, 0], uv[:, 2] - uv[:, 0]
+    area = scene.triangles.areas[triangles]
+    collapsed = area[np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]) < 1e-10].sum()
+    return bool(collapsed <= OVERLAP * area.sum() and (hits > 1).sum() < OVERLAP * max((hits > 0).sum(), 1))

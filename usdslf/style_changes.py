@@ -1,0 +1,86 @@
+"""Style changes: what became of each element -> textures or values at points that vary as it does (carriers.py).
+
+Where neither can hold a change, it is the mean over the material, and that is said.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from hashlib import sha256
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usdslf.bake import Baked
+from usdslf.carriers import carrier_of, carry
+from usdslf.color import Color
+from usdslf.edits import ByVertex, MaterialChange
+from usdslf.elements import Elements
+from usdslf.propagate import Places
+from usdslf.scene import F64, Scene
+from usdslf.stylize import MaterialStyle, Stylized
+from usdslf.upsample import upsampling_weights
+
+FINER = 3  # texels between elements
+SMALLEST, LARGEST = 64, 512  # texels on a side of a texture for an input that had none
+
+
+@dataclass(frozen=True)
+class StyleChange:
+    """The change of one parameter of a material, known at its n elements.  C is 1 for roughness, else 3."""
+
+    parameter: str  # diffuse | specular | glossiness
+    places: Places  # (n)
+    moved: F64  # (n, C)
+    spacing: float  # of the elements [stage units]
+    known: dict[bytes, tuple[NDArray[np.int64], F64]]  # weights by places, which all parameters share
+    is_noisy: bool = True  # light that a few rays brought
+
+    @property
+    def is_grey(self) -> bool:
+        """Whether it is a specular change with one value for all channels."""
+        return self.parameter == "specular" and bool(np.ptp(self.moved, axis=1).max() < 1e-4)
+
+    def at(self, x: Places) -> F64:
+        """Returns the change (k, C) at places."""
+        key = sha256(np.concatenate([x.position, x.normal, x.reflectance], 1).tobytes()).digest()
+        if key not in self.known:
+            self.known[key] = upsampling_weights(x, self.places, self.spacing)
+        index, weight = self.known[key]
+        return np.einsum("nk,nkc->nc", weight, self.moved[index])
+
+    def of_dabs(self) -> F64:
+        """Returns the change (n, C) at the elements themselves."""
+        return self.moved
+
+
+def with_styles(
+    change: MaterialChange, style: MaterialStyle, stylized: Stylized, scene: Scene, elements: Elements, folder: Path,
+    color: Color, warnings: list[str],
+) -> MaterialChange:  # fmt: skip
+    """Gives a stylized change its textures and values at points; names in `warnings` what changes by its mean."""
+    at = style.elements
+    reflectance = np.concatenate([elements.diffuse[at], elements.f0[at], elements.roughness[at, None]], 1)
+    places = Places(elements.position[at], elements.geometric_normal[at], reflectance)
+    spacing = float(np.sqrt(np.mean(elements.area[at])))
+    side = int(np.clip(2 ** np.ceil(np.log2(FINER * np.sqrt(len(at)))), SMALLEST, LARGEST))
+    d, f0, roughness = stylized.change_at(at)
+    found: dict[str, Baked | ByVertex] = {}
+    known: dict[bytes, tuple[NDArray[np.int64], F64]] = {}
+    for parameter, moved in zip(("diffuse", "specular", "glossiness"), (d, f0, roughness[:, None])):
+        if parameter not in change.freed:
+            continue
+        varying = StyleChange(parameter, places, moved, spacing, known)
+        carrier = carrier_of(scene, style.material, change.targets, varying)
+        if carrier.why_not:
+            warnings.append(f"{change.material.path}: {parameter} changes by its mean, for {carrier.why_not}")
+            continue
+        found[carrier.input] = carry(
+            scene, style.material, carrier, varying, folder, color, warnings, size=(side, side)
+        )
+    return replace(
+        change,
+        baked={k: v for k, v in found.items() if isinstance(v, Baked)},
+        by_vertex={k: v for k, v in found.items() if isinstance(v, ByVertex)},
+    )
