@@ -28,6 +28,7 @@ from usdslf.scene import F64, Scene
 from usdslf.surface import SurfacePoints, evaluate_surface
 
 REFLECTANCE_STEP = 0.08  # of d, F0 and roughness together, that is clearly seen
+GATE = (0.45, 0.7)  # similarity at which the gate opens, and is open
 BLOCK = 1 << 14  # times 16 pairs of places at a time: they stay in the cache
 
 
