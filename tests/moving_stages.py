@@ -185,6 +185,18 @@ def chest(folder: Path) -> Path:
     return finish(b, lights=False)
 
 
+def lamp_in_a_chest(folder: Path) -> Path:
+    """The chest, shut, with a lamp far above it that is in its middle at the last frame; nothing else moves."""
+    b = _chest(folder, 2.4)
+    light = UsdLux.SphereLight.Define(b.stage, "/World/lamp")
+    light.CreateRadiusAttr(0.1)
+    light.CreateIntensityAttr(30.0)
+    place = light.AddTranslateOp()
+    place.Set(Gf.Vec3d(0, 5, 0), FRAMES[0])
+    place.Set(Gf.Vec3d(0, 0.5, 0), FRAMES[1])
+    return finish(b, lights=False)
+
+
 def slit(folder: Path) -> Path:
     """The chest with a lid that is a little short, so that some paths out of it find the sky; a ball moves above."""
     b = _chest(folder, 2.12)

@@ -78,6 +78,19 @@ def test_a_chest_that_opens_is_lit_within(tmp_path: Path) -> None:
     assert np.median(e.area[on]) == pytest.approx(np.median(first.elements.area), rel=0.1)
 
 
+def test_a_chest_that_a_lamp_is_moved_into_is_lit_within(tmp_path: Path) -> None:
+    """A sphere of radius r and radiance L throws pi L r^2 h / (h^2 + x^2)^(3/2) on a floor h below it, at x."""
+    first = usdslf.open(str(stages.lamp_in_a_chest(tmp_path)), frame=FRAMES[0], elements=800)
+    assert (np.abs(first.elements.position - [0, 0.5, 0]).max(1) > 0.49).all()
+    second = first.at_frame(FRAMES[1])
+    e = second.elements
+    rows = np.flatnonzero((e.mesh == 0) & (e.side > 0))
+    assert e.area[rows].sum() == pytest.approx(4.0, rel=0.03)
+    out = second.light_field.device.download(second.light_field.outgoing_d)[rows, :, 0].mean(1)
+    away2 = (e.position[rows][:, [0, 2]] ** 2).sum(1)
+    np.testing.assert_allclose(out, 0.5 * 30 * 0.1**2 * 0.5 / (0.25 + away2) ** 1.5, rtol=0.05)
+
+
 def test_a_table_is_lit_where_something_lay_on_it(tmp_path: Path) -> None:
     """Under a white sky it sends out its reflectance everywhere, from as many elements as elsewhere."""
     first = usdslf.open(str(stages.slab(tmp_path)), frame=FRAMES[0], elements=800)

@@ -8,7 +8,6 @@ by its average.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -106,7 +105,7 @@ def sample_elements(
     number = np.maximum(probes, np.ceil(4000 * area_of_part / area.sum())).astype(np.int64)
     both = np.tile(number * (area_of_part > 0), 2)
     everywhere = np.ones(2 * parts, bool)
-    reach, _ = living_candidates(scene, tracer, area, part_of_triangle, both, everywhere, PROBE_ROUNDS, rng)
+    reach, _ = _living_candidates(scene, tracer, area, part_of_triangle, both, everywhere, PROBE_ROUNDS, rng)
     alive = np.bincount(reach.group, minlength=2 * parts) / np.maximum(both, 1)
     share = np.tile(_share_of_curved(scene, area, part_of_triangle, count), 2)
     if not alive.any():
@@ -116,7 +115,7 @@ def sample_elements(
     side_area = np.tile(area_of_part, 2)
     quota = share_out(alive * side_area * share, count)
     number = np.ceil(CANDIDATES * quota / np.maximum(alive, 0.05)).astype(np.int64)
-    pool, points = living_candidates(scene, tracer, area, part_of_triangle, number, alive < 1, ROUNDS, rng)
+    pool, points = _living_candidates(scene, tracer, area, part_of_triangle, number, alive < 1, ROUNDS, rng)
     alive = np.bincount(pool.group, minlength=2 * parts) / np.maximum(number, 1)
     quota = share_out(alive * side_area * share, count)
     spacing = np.sqrt(alive * side_area / np.maximum(quota, 1))
@@ -226,7 +225,7 @@ def turned_frames(normal: NDArray, angle: NDArray) -> F32:
 
 
 @dataclass(frozen=True)
-class Pool:
+class _Pool:
     """Living candidates of all sides."""
 
     position: F32  # (n, 3)
@@ -247,7 +246,7 @@ def _share_of_curved(scene: Scene, area: NDArray, part_of_triangle: NDArray, cou
     return np.minimum(1 + mean * np.sqrt(area.sum() / count) / TURN, CURVED)
 
 
-def living_candidates(
+def _living_candidates(
     scene: Scene,
     tracer: RayTracer,
     area: NDArray,
@@ -256,20 +255,16 @@ def living_candidates(
     doubtful: NDArray,
     rounds: tuple[int, ...],
     rng: np.random.Generator,
-    is_free: Callable[[NDArray, NDArray, NDArray], NDArray] | None = None,
-) -> tuple[Pool, SurfacePoints]:
+) -> tuple[_Pool, SurfacePoints]:
     """Spreads `number` (2 parts,) candidates over fronts and backs and keeps those that live.
 
-    Only the groups in `doubtful` (2 parts,) are looked at by rays.  `is_free` tells by position (n, 3), normal (n, 3)
-    and group (n,) which candidates to consider; None: all.
+    Only the groups in `doubtful` (2 parts,) are looked at by rays.
     """
-    triangle, bary, group = _spread(area, part_of_triangle, number, rng)
+    triangle, bary, group = spread_candidates(area, part_of_triangle, number, rng)
     points = evaluate_surface(scene, triangle, bary, normal_maps=False)
     parts = len(number) // 2
     normal = np.where((group < parts)[:, None], points.geometric_normal, -points.geometric_normal)
     there = points.presence > 0  # no holes of cut-outs
-    if is_free is not None:
-        there &= is_free(points.position, normal, group)
     alive = there.copy()
     ask = np.flatnonzero(there & doubtful[group])
     alive[ask] = find_living_points(scene, tracer, triangle[ask], points.position[ask], normal[ask], rng, rounds)
@@ -283,11 +278,11 @@ def living_candidates(
         near = cKDTree(where[known]).query(where[dark], k=min(6, len(known)), workers=tracer.threads)[1]
         alive[dark[(near < len(lit)).mean(1) > 0.6]] = True
     keep = np.flatnonzero(alive)
-    kept = _take(points, keep)
-    return Pool(kept.position, normal[keep].astype(np.float32), group[keep]), kept
+    kept = take_points(points, keep)
+    return _Pool(kept.position, normal[keep].astype(np.float32), group[keep]), kept
 
 
-def _spread(
+def spread_candidates(
     area: NDArray, part_of_triangle: I32, number: NDArray, rng: np.random.Generator
 ) -> tuple[I32, F32, NDArray[np.int64]]:
     """Spreads points over parts by area, stratified along their triangles.
@@ -312,7 +307,8 @@ def _spread(
     return triangle, np.stack([root * (1 - s), root * s], 1).astype(np.float32), group
 
 
-def _take(points: SurfacePoints, rows: NDArray) -> SurfacePoints:
+def take_points(points: SurfacePoints, rows: NDArray) -> SurfacePoints:
+    """Some of the points."""
     return SurfacePoints(**{name: value[rows] for name, value in vars(points).items()})
 
 

@@ -121,7 +121,7 @@ class Session:
         self.residual_as_written: dict[Pool, float] = {}  # of answers that vary, as the written look shows them
         self.residual_as_preview: dict[Pool, float] = {}  # of answers by phong, as UsdPreviewSurface shows them
         self.edits: list[AuthoredEdit] = []
-        self._first: Session | None = None  # at the frame that the elements were laid at
+        self._laid: Placed | None = None  # the other frame that the elements were laid at
         self._last_field: LightField | None = None  # of another frame: where iterations start
 
     # ── steps ──────────────────────────────────────────────────────────────────────────────────
@@ -356,21 +356,18 @@ class Session:
         )  # fmt: skip
         other.strokes = list(self.strokes)
         other._last_field = self.__dict__.get("light_field") or self._last_field
-        first = self._first or self
-        reason = why_not_comparable(first.scene, other.scene)
-        placed: Placed | str = reason
-        if not reason:
-            start = Placed(first.scene, first.elements, first.lookup, first.visibility, first.dark_probes)
-            other.device = first.device
+        placed: Placed | str = why_not_comparable(self._laid.scene if self._laid else self.scene, other.scene)
+        if not placed:
+            laid = self._laid or Placed(self.scene, self.elements, self.lookup, self.visibility, self.dark_probes)
             with other._step("visibility"):
-                placed = carry(start, other.scene, other.tracer, first.device)
+                placed = carry(laid, other.scene, other.tracer, self.device)
         if isinstance(placed, str):
             other.warn(f"frame {frame:g} {placed}: its elements are placed afresh")
             return other
-        other._first = first
+        other._laid = laid
         other.__dict__.update(elements=placed.elements, lookup=placed.lookup, visibility=placed.visibility)
-        if len(placed.elements) > len(first.elements):
-            new = len(placed.elements) - len(first.elements)
+        if len(placed.elements) > len(laid.elements):
+            new = len(placed.elements) - len(laid.elements)
             other.warn(f"frame {frame:g}: {new} elements are added where light comes only now")
         return other
 

@@ -21,9 +21,9 @@ from usdslf.elements import (
     LEAST,
     PROBES,
     Elements,
-    _spread,
-    _take,
     elements_of_pool,
+    spread_candidates,
+    take_points,
 )
 from usdslf.living_sides import ROUNDS, find_living_points
 from usdslf.scene import F32, I32, Scene
@@ -72,7 +72,7 @@ def probe_dark(elements: Elements, scene: Scene, tracer: RayTracer) -> DarkProbe
     share = sides.area / np.where(dark > 0, dark, 1)
     number = np.maximum(PROBES, MOST_PROBES * dark / max(dark.sum(), 1e-30)) * share
     number = np.minimum(number, np.maximum(2 * sides.area / sides.each, PROBES)) * (dark > 0)
-    triangle, bary, group = _spread(area, elements.part_of_triangle, np.ceil(number).astype(np.int64), rng)
+    triangle, bary, group = spread_candidates(area, elements.part_of_triangle, np.ceil(number).astype(np.int64), rng)
     points = evaluate_surface(scene, triangle, bary, normal_maps=False)
     ask = np.flatnonzero(_free_of(elements, sides, tracer)(points, _normals(points, group, total), group, 0.0))
     nobody = np.zeros(len(ask), bool)
@@ -100,7 +100,7 @@ def wake_elements(
     # Candidates in the holes and about them, so that new elements stand for what is theirs and not for the holes alone.
     part_of_triangle = elements.part_of_triangle
     number = np.ceil(CANDIDATES * np.maximum(sides.area / sides.each, LEAST) * woken).astype(np.int64)
-    triangle, bary, group = _spread(area, part_of_triangle, number, rng)
+    triangle, bary, group = spread_candidates(area, part_of_triangle, number, rng)
     points = evaluate_surface(scene, triangle, bary, normal_maps=False)
     normal = _normals(points, group, total)
     ask = np.flatnonzero(is_free(points, normal, group, RIM))
@@ -111,7 +111,7 @@ def wake_elements(
     near = cKDTree(coordinates).query(coordinates, k=k, workers=tracer.threads)[1].reshape(len(ask), k)
     kept = np.flatnonzero(alive[near].mean(1) > 0.5)  # few see light by chance, deep inside of something
     coordinates, ask = coordinates[kept], ask[kept]
-    group, points = group[ask], _take(points, ask)
+    group, points = group[ask], take_points(points, ask)
 
     new_area = np.minimum(np.bincount(group, minlength=total) * sides.area / np.maximum(number, 1), sides.dark)
     quota = np.rint(new_area / sides.each).astype(np.int64)
