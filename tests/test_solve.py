@@ -14,9 +14,7 @@ from usdslf.reflectance import roughness_levels
 from usdslf.solve import (
     Candidate,
     Options,
-    Tables,
     enumerate_candidates,
-    pool_tables,
     predicted,
     refit,
     relative_error,
@@ -24,6 +22,7 @@ from usdslf.solve import (
 )
 from usdslf.strokes import Stroke
 from usdslf.surface import SurfacePoints
+from usdslf.tables import Tables, pool_tables
 
 DABS, ELSEWHERE, DIRECTIONS = 20, 12, 4
 LEVELS = roughness_levels()

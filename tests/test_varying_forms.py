@@ -253,3 +253,16 @@ def test_an_uneven_hand_over_a_texture_asks_for_a_constant(tmp_path: Path, seed:
     colors = seen(P, own * [0.9, 0.5, 0.3]) * drift * (1 + 0.05 * rng.normal(size=3))
     _, found = solved(path, stroke(colors))
     assert found["inferred"] == "diffuse" and not found["varies"]
+
+
+def test_a_tinted_metal_texture_is_scaled(tmp_path: Path) -> None:
+    """A constant factor on a specular colour that a texture drives: one scale, not a texture of its own."""
+    write_image(tmp_path / "squares.png", checker((0.85,) * 3, (0.35,) * 3, squares=5, size=640))
+    path = write_floor(tmp_path, diffuseColor=TextureInput("squares.png"), metallic=1.0, roughness=0.35)
+    own = surface_at(usdslf.open(str(path), elements=400).scene, P).f0.astype(float)
+    wanted = own * np.array([0.9, 0.6, 0.3])
+    session, found = solved(path, stroke(seen(P, (0.0,) * 3, wanted, 0.35, wanted)))
+    assert found["inferred"] == "specular" and not found["varies"] and found["residual_after"] < 0.08
+    edits = session.author(tmp_path / "look.usda")
+    assert [(e.representation, e.attribute) for e in edits] == [("scale", "inputs:scale")]
+    np.testing.assert_allclose(surface_at(session.edited(tmp_path / "look.usda").scene, P).f0, wanted, atol=0.01)

@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 from usdslf.evidence import Evidence, Samples, build_evidence
 from usdslf.propagate import Places
 from usdslf.scene import Scene
-from usdslf.solve import Candidate, Tables
+from usdslf.solve import Candidate
 from usdslf.strokes import Stroke
+from usdslf.tables import Tables
 from usdslf.varying import Varying, VaryingAnswer
 
 if TYPE_CHECKING:

@@ -22,7 +22,7 @@ from usdslf.evidence import SHARPEST, Evidence, evaluate_columns, mean_by, uncha
 from usdslf.light_field import LightField, Surface
 from usdslf.reflectance import column_weights, columns, lobe_parameter
 from usdslf.scene import Scene
-from usdslf.solve import Tables
+from usdslf.tables import Tables
 
 if TYPE_CHECKING:
     from usdslf.answers import Painted
@@ -157,7 +157,7 @@ def receiver_tables(
     all_means = np.concatenate([levels, [mean_rough]])
     tables = Tables(
         target, np.abs(target) + 0.1 * mean[:, None] + 1e-6, np.concatenate([r.place for r in receivers]), stroke, flat,
-        base[:, None] + p, spread(u), v, spread(w), spread(tint_u), spread(tint_w),
+        base[:, None] + p, spread(u), v, spread(w), spread(tint_u), spread(tint_w), np.zeros_like(v),
         (none, none, none, none, np.zeros((0, 3))), (none, none, none, none),
         np.broadcast_to(all_means, (len(target), j)), all_means,
         d.mean(0).astype(np.float64), f0.mean(0).astype(np.float64), mean_rough, is_metal,

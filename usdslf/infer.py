@@ -31,16 +31,16 @@ from usdslf.scene import Scene
 from usdslf.solve import (
     Candidate,
     Options,
-    Tables,
+    bounds_of,
     enumerate_candidates,
     hold_energy,
-    pool_tables,
     refit,
     relative_error,
     ways_of,
     whiten,
 )
 from usdslf.strokes import Stroke
+from usdslf.tables import Tables, pool_tables
 from usdslf.tools import asks_for_nothing, expected_error, wanted_radiance
 from usdslf.varying import VaryingAnswer, as_candidate, asks_to_vary, places_of_dabs, refit_varying, varying_answers
 
@@ -220,8 +220,8 @@ def _changes(answers: list[Answer]) -> NDArray[np.float64]:
 def _with_changes(answer: Answer, change: NDArray) -> Answer:
     """The answer with another change (7,) of its freed parameters, held to what is possible."""
     c, t = answer.chosen, answer.tables
-    low_d, high_d = (-1.0, np.inf) if c.is_tint else (-t.diffuse, 1 - t.diffuse)
-    dd, df = np.clip(change[:3], low_d, high_d), np.clip(change[3:6], -t.f0, 1 - t.f0)
+    dd = np.clip(change[:3], *bounds_of(t.diffuse, c.is_tint and not c.is_tint_f0))
+    df = np.clip(change[3:6], *bounds_of(t.f0, c.is_tint_f0))
     dd, df = hold_energy(t, dd, df, *ways_of(c)[:2], c.is_tint)
     chosen = replace(
         c,

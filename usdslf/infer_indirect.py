@@ -23,13 +23,12 @@ from usdslf.scene import Scene
 from usdslf.solve import (
     Candidate,
     Options,
-    Tables,
     bounded_least_squares,
     enumerate_candidates,
-    pool_tables,
     relative_error,
     whiten,
 )
+from usdslf.tables import Tables, pool_tables
 from usdslf.tools import asks_for_nothing, expected_error
 
 # Light that went through the bins of two surfaces is foreseen worse, dab by dab, than what arrives directly; what is

@@ -15,8 +15,8 @@ from usdslf.evidence import evaluate_columns, mean_by, unchanging_radiance
 from usdslf.light_field import LightField
 from usdslf.propagate import places_of
 from usdslf.scene import Scene
-from usdslf.solve import bilinear
 from usdslf.surface import evaluate_surface
+from usdslf.tables import bilinear
 from usdslf.varying import Varying
 
 

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdslf.errors import InputError
-from usdslf.evidence import Evidence, mean_by
+from usdslf.tables import Tables
 
 F64 = NDArray[np.float64]
 GROUPS = ("diffuse", "specular", "glossiness")
@@ -85,38 +85,6 @@ class Options:
 
 
 @dataclass(frozen=True)
-class Tables:
-    """Evidence about one material, pooled.  n dabs, B background rows, J levels (the last: own roughness)."""
-
-    target: F64  # (n, 3)
-    scale: F64  # (n, 3) that makes residuals relative
-    place: F64  # (n, 3) position of each dab
-    stroke: NDArray[np.int64]  # (n,) which stroke
-    flat: NDArray[np.bool_]  # (n,) its stroke has one colour
-    p: F64  # (n, J, 3)
-    u: F64
-    v: F64
-    w: F64
-    tint_u: F64  # (n, J, 3) U and W of a factor on d instead of a term, for textured colours
-    tint_w: F64
-    back: tuple[F64, F64, F64, F64, F64]  # P, U, V, W (B, J, 3) and scale (B, 3)
-    elsewhere: tuple[F64, F64, F64, F64]  # P, U, V, W (E, J, 3) of unpainted points that the same eye sees
-    dab_levels: F64  # (n, J) roughness of each dab at each level
-    levels: F64  # (J,) their means
-    diffuse: F64  # (3,) means over the dabs
-    f0: F64
-    roughness: float
-    is_metal: bool  # F90 follows F0, no diffuse reflection
-    is_textured: bool  # d varies
-    is_phong: bool = False  # d + F0 <= 1 is for the fit to keep
-
-    @property
-    def own(self) -> int:
-        """Level of the roughness as it is."""
-        return len(self.levels) - 1
-
-
-@dataclass(frozen=True)
 class Candidate:
     """One explanation: a change of some parameters, and what it costs."""
 
@@ -124,7 +92,7 @@ class Candidate:
     delta_diffuse: F64 = field(default_factory=lambda: np.zeros(3))
     delta_f0: F64 = field(default_factory=lambda: np.zeros(3))
     roughness_shift: float = 0.0
-    is_tint: bool = False  # delta_diffuse is a factor less one
+    is_tint: bool = False  # the delta of the diffuse colour, else of the specular one, is a factor less one
     level: int = -1
     misfit: float = 0.0
     freedoms: int = 0
@@ -143,107 +111,25 @@ class Candidate:
 
     def f0_of(self, f0: NDArray) -> NDArray:
         """Applies the change to specular colours (..., 3)."""
-        return np.clip(f0 + self.delta_f0, 0, 1) if "specular" in self.freed else f0
+        changed = f0 * (1 + self.delta_f0) if self.is_tint_f0 else f0 + self.delta_f0
+        return np.clip(changed, 0, 1) if "specular" in self.freed else f0
+
+    @property
+    def is_tint_f0(self) -> bool:
+        """Whether delta_f0 is a factor less one."""
+        return self.is_tint and "diffuse" not in self.freed
+
+    def as_terms(self, t: Tables) -> Candidate:
+        """Returns the change with terms for factors, as they are for the mean colours."""
+        if not self.is_tint:
+            return self
+        if self.is_tint_f0:
+            return replace(self, delta_f0=self.delta_f0 * t.f0, is_tint=False)
+        return replace(self, delta_diffuse=self.delta_diffuse * t.diffuse, is_tint=False)
 
     def roughness_of(self, r: NDArray) -> NDArray:
         """Applies the change to roughness."""
         return np.clip(r + self.roughness_shift, 0.001, 1) if "glossiness" in self.freed else r
-
-
-def pool_tables(evidences: list[Evidence], material: int, model: str = "preview_surface") -> Tables:
-    """Sums the evidence of strokes about one material into tables over dabs."""
-    parts = [_tables_of(e, material, i, model) for i, e in enumerate(evidences)]
-    parts = [p for p in parts if len(p["target"])]
-    assert parts, "no dab on the material"
-    cat = {k: np.concatenate([p[k] for p in parts]) for k in parts[0]}
-    target = cat["target"]
-    mean = np.array([np.mean(target[cat["stroke"] == s]) for s in cat["stroke"]])
-    seen = np.array([np.abs(cat["p"][cat["stroke"] == s, -1]).mean() for s in cat["stroke"]])
-    mean = np.where(mean > 1e-3 * seen, mean, seen)  # black paint: relative to what it covers
-    back_p = cat["back_p"]
-    back_scale = np.abs(back_p[:, -1]) + 0.1 * np.abs(back_p[:, -1]).mean() + 1e-9
-    d, f0, f90 = cat["d"], cat["f0"], cat["f90"]
-    return Tables(
-        target=target,
-        scale=np.abs(target) + 0.1 * mean[:, None] + 1e-6,
-        place=cat["place"],
-        stroke=cat["stroke"],
-        flat=cat["flat"],
-        p=cat["p"],
-        u=cat["u"],
-        v=cat["v"],
-        w=cat["w"],
-        tint_u=cat["tint_u"],
-        tint_w=cat["tint_w"],
-        back=(back_p, cat["back_u"], cat["back_v"], cat["back_w"], back_scale),
-        elsewhere=tuple(cat[f"else_{k}"] for k in "puvw"),  # type: ignore[arg-type]
-        dab_levels=cat["levels"],
-        levels=cat["levels"].mean(0),
-        diffuse=d.mean(0),
-        f0=f0.mean(0),
-        roughness=float(cat["levels"][:, -1].mean()),
-        is_metal=bool(np.abs(f90 - f0).max() < 2e-3 and d.max() < 0.02),
-        is_textured=bool(d.std(0).max() > 5e-3),
-        is_phong=model == "phong",
-    )
-
-
-def _tables_of(e: Evidence, material: int, index: int, model: str) -> dict[str, NDArray]:
-    n = len(e.target)
-    here = np.flatnonzero(e.material == material)
-    mean = lambda x: mean_by(x, e.dab_of_sample)[:n][here]  # noqa: E731
-    s = e.surface
-    d, f0, f90 = (x.astype(np.float64) for x in (s.diffuse, s.f0, s.f90))
-    if model == "phong":  # as the light field reflects it
-        f0 = np.minimum(f0, np.maximum(1 - d, 0))
-    tied = bool(np.abs(f90 - f0).max() < 2e-3 and d.max() < 0.02) if len(d) else False
-    p, u, v, w = bilinear(e.columns, d, f0, f90, tied, model)
-    p = p + e.coat[:, None]
-    dd = d[:, None]
-    row = e.background_sample
-    keep = e.material[e.dab_of_sample[row]] == material
-    other = (e.dab_of_sample >= n) & (s.material == material)
-    bp, bu, bv, bw = (x[keep] for x in bilinear(e.background, d[row], f0[row], f90[row], tied, model))
-    colors = e.target[here]
-    flat = e.stroke.tool == "replace" and len(here) > 2 and bool((colors.std(0) <= 0.01 * colors.mean() + 1e-9).all())
-    return {
-        "target": colors,
-        "place": mean(s.position.astype(np.float64)),
-        "stroke": np.full(len(here), index),
-        "flat": np.full(len(here), flat),
-        "p": mean(p),
-        "u": mean(u),
-        "v": mean(v),
-        "w": mean(w),
-        "tint_u": mean(u * dd),
-        "tint_w": mean(w * dd),
-        **{f"else_{k}": x[other] for k, x in zip("puvw", (p, u, v, w), strict=True)},
-        "back_p": bp,
-        "back_u": bu,
-        "back_v": bv,
-        "back_w": bw,
-        "levels": mean(e.levels),
-        "d": mean(d),
-        "f0": mean(f0),
-        "f90": mean(f90),
-    }
-
-
-def bilinear(columns: F64, d: F64, f0: F64, f90: F64, tied: bool, model: str) -> tuple[F64, F64, F64, F64]:
-    """Turns columns (n, J, 4, 3) into P, U, V, W (n, J, 3) about the present parameters (n, 3).
-
-    Args:
-        tied: F90 changes with F0, as in a metal of the metal workflow.
-    """
-    x, y, a, b = (columns[:, :, k] for k in range(4))
-    d, f0, f90 = d[:, None], f0[:, None], f90[:, None]
-    if model == "phong":
-        return d * x + f0 * a, x, a, np.zeros_like(x)
-    p = d * ((1 - f0) * x + (1 - f90) * y) + f0 * a + f90 * b
-    u = (1 - f0) * x + (1 - f90) * y
-    if tied:
-        return p, u, a + b - d * (x + y), x + y
-    return p, u, a - d * x, x
 
 
 def whiten(t: Tables, o: Options) -> F64:
@@ -302,14 +188,15 @@ def fit(
 ) -> Candidate:
     """Fits one candidate: `diffuse` in "", "color"; `specular` in "", "grey", "color"; robustly against single dabs."""
     freed = tuple(g for g, f in zip(GROUPS, (diffuse, specular, free_gloss), strict=True) if f)
-    tries = [False, True] if diffuse and t.is_textured else [False]
+    can_tint = t.is_textured if diffuse else t.is_textured_f0 and specular == "color"
+    tries = [False, True] if can_tint else [False]
     how = _fit_robustly if robust else _fit
     fits = [how(t, o, white, level, diffuse, specular, tint) for tint in tries]
     tint = int(len(fits) > 1 and fits[1][2] < fits[0][2])
     dd, df, misfit = fits[tint]
     freedoms = 3 * bool(diffuse) + {"": 0, "grey": 1, "color": 3}[specular] + free_gloss
     c = Candidate(
-        freed, dd, df, float(t.levels[level] - t.roughness) if free_gloss else 0.0, bool(tint and diffuse), level,
+        freed, dd, df, float(t.levels[level] - t.roughness) if free_gloss else 0.0, bool(tint), level,
         misfit, freedoms,
     )  # fmt: skip
     return replace(c, cost=score(t, o, c))
@@ -342,8 +229,7 @@ def background_misfit(t: Tables, c: Candidate) -> float:
     p, u, v, w, scale = t.back
     if not len(p):
         return 0.0
-    plain = replace(c, delta_diffuse=c.delta_diffuse * t.diffuse, is_tint=False) if c.is_tint else c
-    change = _predict(plain, p, u, v, w) - p[:, t.own]
+    change = _predict(c.as_terms(t), p, u, v, w) - p[:, t.own]
     r = np.minimum(np.abs(change / scale), 3.0)
     return float((r * r).mean())
 
@@ -357,9 +243,8 @@ def place_gain(t: Tables, o: Options, c: Candidate) -> float:
     p, u, v, w = t.elsewhere
     if not len(p) or not c.freed:
         return 0.0
-    here = np.abs(_predict(c, t.p, t.tint_u if c.is_tint else t.u, t.v, t.tint_w if c.is_tint else t.w) - t.p[:, t.own])
-    dd = replace(c, delta_diffuse=c.delta_diffuse * t.diffuse, is_tint=False) if c.is_tint else c
-    there = np.abs(_predict(dd, p, u, v, w) - p[:, t.own])
+    here = np.abs(predicted(t, c) - t.p[:, t.own])
+    there = np.abs(_predict(c.as_terms(t), p, u, v, w) - p[:, t.own])
     floor = max(o.visible * t.target.mean(), 1e-9)  # black paint
     here, there = here.sum(1) + floor, there.sum(1) + floor
     return float(np.log(here / there.mean()).sum())
@@ -384,7 +269,8 @@ def _fit_robustly(
         starts.append(_median_change(t, level, diffuse, specular, tint))
     for dd, df in starts:
         for reach in TRUST:
-            off = _relative(t, Candidate((), dd, df, is_tint=tint, level=level))
+            freed = (*["diffuse"] * bool(diffuse), *["specular"] * bool(specular))
+            off = _relative(t, Candidate(freed, dd, df, is_tint=tint, level=level))
             trust = np.sqrt(1 / (1 + (off * off).mean(1) / reach**2))
             dd, df, misfit = _fit(t, o, white, level, diffuse, specular, tint, trust)
             if misfit < best[2]:
@@ -394,7 +280,8 @@ def _fit_robustly(
 
 def _median_change(t: Tables, level: int, diffuse: str, specular: str, tint: bool) -> tuple[F64, F64]:
     """The change that half of the dabs, weighed by how much they feel it, would have smaller, channel by channel."""
-    slope = (t.tint_u if tint else t.u)[:, level] if diffuse else t.v[:, level]
+    of_d, of_f0 = (t.tint_u, t.tint_v) if tint else (t.u, t.v)
+    slope = of_d[:, level] if diffuse else of_f0[:, level]
     wanted = (t.target - t.p[:, level]) / np.where(np.abs(slope) > 1e-12, slope, 1e-12)
     weight = np.abs(slope) / t.scale
     if specular == "grey":
@@ -403,16 +290,22 @@ def _median_change(t: Tables, level: int, diffuse: str, specular: str, tint: boo
     cumulated = np.cumsum(np.take_along_axis(weight, order, 0), 0)
     middle = (cumulated < 0.5 * cumulated[-1:]).sum(0)
     change = np.take_along_axis(np.take_along_axis(wanted, order, 0), middle[None], 0)[0] * np.ones(3)
-    if diffuse:
-        low, high = (-1.0, 1 / np.maximum(t.diffuse, 1e-3) - 1) if tint else (-t.diffuse, 1 - t.diffuse)
-        return np.clip(change, low, high), np.zeros(3)
-    return np.zeros(3), np.clip(change, -t.f0, 1 - t.f0)
+    change = np.clip(change, *bounds_of(t.diffuse if diffuse else t.f0, tint))
+    return (change, np.zeros(3)) if diffuse else (np.zeros(3), change)
+
+
+def bounds_of(color: F64, tint: bool) -> tuple[F64, F64]:
+    """Returns the least and the greatest change (3,), or factor less one, that keep a colour (3,) in 0..1."""
+    return (-np.ones(3), 1 / np.maximum(color, 1e-3) - 1) if tint else (-color, 1 - color)
 
 
 def predicted(t: Tables, c: Candidate) -> F64:
     """Returns the radiance (n, 3) of the dabs that a candidate gives."""
-    u, w = (t.tint_u, t.tint_w) if c.is_tint else (t.u, t.w)
-    return _predict(c, t.p, u, t.v, w)
+    if not c.is_tint:
+        return _predict(c, t.p, t.u, t.v, t.w)
+    if c.is_tint_f0:
+        return _predict(c, t.p, t.u, t.tint_v, t.w)
+    return _predict(c, t.p, t.tint_u, t.v, t.tint_w)
 
 
 def _relative(t: Tables, c: Candidate) -> F64:
@@ -424,10 +317,10 @@ def _fit(
     t: Tables, o: Options, white: F64, level: int, diffuse: str, specular: str, tint: bool, trust: F64 | None = None
 ) -> tuple[F64, F64, float]:
     """Least squares of the whitened residual under the bounds; returns delta d (or factor), delta F0, misfit."""
-    u, w = (t.tint_u, t.tint_w) if tint else (t.u, t.w)
-    p, u, v, w = (x[:, level] for x in (t.p, u, t.v, w))
-    low_d, high_d = (-np.ones(3), 1 / np.maximum(t.diffuse, 1e-3) - 1) if tint else (-t.diffuse, 1 - t.diffuse)
-    low_f, high_f = -t.f0, 1 - t.f0
+    tint_d, tint_f0 = tint and bool(diffuse), tint and not diffuse
+    u, w = (t.tint_u, t.tint_w) if tint_d else (t.u, t.w)
+    p, u, v, w = (x[:, level] for x in (t.p, u, t.tint_v if tint_f0 else t.v, w))
+    (low_d, high_d), (low_f, high_f) = bounds_of(t.diffuse, tint_d), bounds_of(t.f0, tint_f0)
     dd, df = hold_energy(t, np.zeros(3), np.zeros(3), diffuse, specular, tint)
     n = len(t.target)
 
@@ -478,7 +371,8 @@ def hold_energy(t: Tables, dd: F64, df: F64, diffuse: str, specular: str, tint: 
     """
     if not t.is_phong or not (diffuse or specular):
         return dd, df
-    k_d, k_s = t.diffuse * (1 + dd) if tint else t.diffuse + dd, t.f0 + df
+    tint_d, tint_f0 = tint and bool(diffuse), tint and not diffuse
+    k_d, k_s = t.diffuse * (1 + dd) if tint_d else t.diffuse + dd, t.f0 * (1 + df) if tint_f0 else t.f0 + df
     if diffuse and specular:
         share = 1 / np.maximum(k_d + k_s, 1)
         k_d, k_s = k_d * share, k_s * share
@@ -487,9 +381,9 @@ def hold_energy(t: Tables, dd: F64, df: F64, diffuse: str, specular: str, tint: 
     else:
         k_s = np.minimum(k_s, np.maximum(1 - k_d, 0))
     if diffuse:
-        dd = k_d / np.maximum(t.diffuse, 1e-12) - 1 if tint else k_d - t.diffuse
+        dd = k_d / np.maximum(t.diffuse, 1e-12) - 1 if tint_d else k_d - t.diffuse
     if specular:
-        df = k_s - t.f0
+        df = k_s / np.maximum(t.f0, 1e-12) - 1 if tint_f0 else k_s - t.f0
         df = np.full(3, df.min()) if specular == "grey" else df
     return dd, df
 

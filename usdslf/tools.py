@@ -49,9 +49,9 @@ from usdslf.light_set import LightSet
 from usdslf.low_discrepancy import random_shifts, sobol_points
 from usdslf.nearest import nearest_on_triangles
 from usdslf.scene import F64, Camera, Scene
-from usdslf.solve import bilinear
 from usdslf.strokes import Stroke
 from usdslf.surface import evaluate_surface
+from usdslf.tables import bilinear
 
 if TYPE_CHECKING:
     from usdslf.visibility import RayTracer

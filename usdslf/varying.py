@@ -25,7 +25,8 @@ import numpy as np
 from usdslf.evidence import Evidence, mean_by
 from usdslf.propagate import Places, Weights, propagate, reach_of
 from usdslf.scene import F64
-from usdslf.solve import Candidate, Options, Tables, refit, relative_error, score
+from usdslf.solve import Candidate, Options, refit, relative_error, score
+from usdslf.tables import Tables
 
 LENGTHS = (0.5, 0.25, 0.12, 0.06, 0.03)  # of smoothing, in the stroke's extent
 TILT = 1e-4  # that planes are held against across what was painted, where no dab says how they lie
@@ -229,8 +230,7 @@ def _slope(t: Tables, v: Varying) -> tuple[F64, F64]:
     if v.parameter == "diffuse":
         u, base = t.u[:, t.own], t.tint_u[:, t.own]
     else:
-        u = t.v[:, t.own]
-        base = u * v.places.reflectance[:, COLUMNS["specular"]]
+        u, base = t.v[:, t.own], t.tint_v[:, t.own]
     return (base if v.form == "factor" else u), base
 
 

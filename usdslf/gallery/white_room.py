@@ -19,7 +19,8 @@ from usdslf.gallery.plots import Axis, lines
 from usdslf.gallery.records import Dabs, Entry, Step, on_picture
 from usdslf.infer import gather_strokes, infer_changes
 from usdslf.shot import Inputs, Lamp, Part, Shot, View
-from usdslf.solve import pool_tables, predicted
+from usdslf.solve import predicted
+from usdslf.tables import pool_tables
 
 RADIUS = 0.02
 MATERIALS: dict[str, Inputs] = {
