@@ -102,6 +102,11 @@ def test_the_command_writes_a_layer_or_a_grey_picture(session: Session, tmp_path
     assert {"R", "G", "B", "similarity.Y"} == set(names)
     layer_of = both.get_pixels(oiio.FLOAT)[..., [names.index("similarity.Y")]]
     assert np.allclose(layer_of, expected, atol=1e-4)
+    code, _, err = run("render", stage, "-o", png, *about, "--similarity", "0,0,1")
+    assert code == 0, err
+    by_reflectance = session.similarity(dab(session), size=SIZE, weights=Weights(0, 0, 1))
+    assert np.abs(by_reflectance - expected).max() > 0.1
+    assert np.allclose(oiio.ImageBuf(str(png)).get_pixels(oiio.FLOAT), by_reflectance, atol=0.01)
 
 
 @pytest.mark.parametrize(

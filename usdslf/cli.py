@@ -175,6 +175,7 @@ def info(options: Settings, stage: str, frame: float | None, refine: int, as_jso
 @click.option("--aov", "aovs", multiple=True, metavar="NAME ...", help="More layers of an EXR, e.g. albedo.")
 @click.option("--strokes", metavar="STROKES", help="The stroke layer that --aov similarity is about.")
 @click.option("--stroke", "stroke_name", metavar="NAME", help="Of its strokes, one; default: all that are active.")
+@click.option("--similarity", type=Similarity(), help="What counts for --aov similarity; default 1,0.5,2.")
 @click.option("--samples", type=click.IntRange(1, 4096), default=16, show_default=True, help="Rays a pixel.")
 @click.option("--elements", type=int, default=10000, show_default=True, help="Surface elements.")
 @click.option("--bounces", type=int, default=8, show_default=True, help="Most bounces of light.")
@@ -184,10 +185,12 @@ def info(options: Settings, stage: str, frame: float | None, refine: int, as_jso
 @settings
 def render(
     options: Settings, stage: str, output: str, camera: str | None, size: tuple[int, int] | None, edits: str | None,
-    aovs: tuple[str, ...], strokes: str | None, stroke_name: str | None, samples: int,
+    aovs: tuple[str, ...], strokes: str | None, stroke_name: str | None,
+    similarity: tuple[float, float, float] | None, samples: int,
     elements: int, bounces: int, make_preview: bool, model: str, frame: float | None, refine: int,
 ) -> None:  # fmt: skip
     """A picture of direct and indirect light."""
+    from usdslf import propagate
     from usdslf.camera_rays import film_size
     from usdslf.outputs import SIMILARITY, check_picture, write_picture
     from usdslf.usd.edited import open_edited
@@ -196,6 +199,9 @@ def render(
     is_about_strokes = SIMILARITY in aovs
     if is_about_strokes != bool(strokes) or (stroke_name and not strokes):
         raise click.UsageError(f"--aov {SIMILARITY} and --strokes STROKES go together; give both or none")
+    if similarity is not None and not is_about_strokes:
+        raise click.UsageError(f"--similarity is for --aov {SIMILARITY}; give both or none")
+    weights = propagate.Weights(*similarity) if similarity is not None else None
     with progress(options.quiet) as say:
         shot = open_edited(stage, edits) if edits else stage
         session = _open(
@@ -206,7 +212,7 @@ def render(
         size, similar = size or film_size(view), {}
         if strokes:
             chosen = _strokes_of(strokes, stroke_name, session.warnings)
-            similar = {SIMILARITY: session.similarity(chosen, view, size)}
+            similar = {SIMILARITY: session.similarity(chosen, view, size, weights)}
         shown = tuple(a for a in aovs if a != SIMILARITY)
         grey = bool(strokes) and output.lower().endswith(".png")
         pictures = {**({} if grey else session.render(view, size, shown, samples=samples)), **similar}
