@@ -74,6 +74,38 @@ def test_masking_is_that_of_direct_sums(device: Device, amount: float) -> None:
     assert error.mean() < 0.05 * detail.mean()
 
 
+def test_beside_a_step_it_is_the_closed_form(device: Device) -> None:
+    """A flat patch, bright on one side of a line and dark on the other, the same in all directions.
+
+    At t radii from the line the share of the surroundings beyond it is 16 / (5 pi) int_t^1 (1 - x^2)^(5/2) dx, the
+    integral of (1 - r^2)^2 over a segment of the disk.
+    """
+    side, radius, amount, dark, bright = 28, 0.22, 0.5, 0.4, 0.6
+    at = (np.stack(np.meshgrid(*2 * [np.arange(side)]), -1).reshape(-1, 2) + 0.5) / side
+    n = len(at)
+    elements = lone_elements(
+        n, position=np.concatenate([at, np.zeros((n, 1))], 1), frame=np.tile(np.eye(3), (n, 1, 1)),
+        normal=np.tile([0.0, 0.0, 1.0], (n, 1)),
+    )  # fmt: skip
+    own = np.where(at[:, 0] < 0.5, dark, bright)
+    upload = lambda a: device.upload(np.ascontiguousarray(a, np.float32))  # noqa: E731
+    field = SimpleNamespace(
+        device=device, elements=elements, frames_d=upload(elements.frame), emission_d=upload(np.zeros((n, 3))),
+        outgoing_d=upload(np.broadcast_to(own[:, None, None], (n, D, 3))),
+        hit_d=device.upload(np.full((n, D), ESCAPES, np.uint32)),
+    )  # fmt: skip
+    weights = near_weights(elements.position.astype(float), np.ones(n), radius)
+    found = device.download(mask_light(field, replace(_surroundings(weights), radius=radius), amount))
+    x = np.linspace(0, 1, 4001)
+    whole = np.concatenate([[0], np.cumsum((1 - ((x[1:] + x[:-1]) / 2) ** 2) ** 2.5) / 4000]) * 16 / (5 * np.pi)
+    beyond = np.interp(np.abs(at[:, 0] - 0.5) / radius, x, whole[-1] - whole)
+    other = np.where(own == dark, bright, dark)
+    expected = own + amount * beyond * (own - other)
+    inside = (np.abs(at - 0.5) < 0.5 - radius).all(1)
+    assert inside.sum() > 150 and whole[-1] == pytest.approx(0.5, abs=1e-4)
+    np.testing.assert_allclose(found[inside] - expected[inside, None, None], 0, atol=2e-3)
+
+
 def test_emission_is_neither_masked_nor_counted(device: Device) -> None:
     radiance = _lobes(2)
     near = _surroundings(np.ones((N, N)))

@@ -1,6 +1,7 @@
 """Bench: time of each step beside what the machine can do at most, in the same run.
 
-Limits: embreex's own run() on the same rays for visibility, a copy kernel over the same bytes for a bounce.
+Limits: embreex's own run() on the same rays for visibility, a copy kernel over the same bytes for a bounce, bounces of
+this light field for stylize: each asks for 21 levels of roughness in a round, of which a bounce reflects two.
 Paper: Nguyen et al. 2013, table of section 7, 10000 elements on a GPU of 2012.
 """
 
@@ -22,6 +23,7 @@ from usdslf.frames import Placed, carry
 from usdslf.gallery import still_life
 from usdslf.gallery.play import Play
 from usdslf.gpu.device import Device
+from usdslf.reflectance import LEVEL_COUNT
 from usdslf.session import Session
 from usdslf.visibility import RayTracer, outgoing_directions, trace_visibility
 
@@ -56,9 +58,13 @@ def measure(device: str | None, ocio: str | None, elements: int, say: Say) -> di
         total = time.perf_counter() - began
         cold = dict(session.seconds)
         session.render(play.shot.view_path(), SIZE)
-    picture = session.seconds["render"]
+        rounds = len(session.stylize().rounds)
+        session.author(folder / "style.usda")
+    picture, styling = session.seconds["render"], session.seconds["stylize"]
     n = len(session.elements)
     links, field = n * D, n * D * 12
+    bounce = _bounce(session)
+    levels = rounds * (LEVEL_COUNT + 1) / 2
     rows = [
         _row("read", cold["read"]),
         _row("elements", cold["elements"]),
@@ -66,9 +72,11 @@ def measure(device: str | None, ocio: str | None, elements: int, say: Say) -> di
         _row("visibility, one object moved", *_moved(session)),
         _row("static light", cold["light"], size=field),
         _row("light field, all bounces", cold["light field"], size=2 * field),
-        _row("one bounce", *_bounce(session), size=links * BYTES_OF_LINK, paper=138),
+        _row("one bounce", *bounce, size=links * BYTES_OF_LINK, paper=138),
         _row("evidence of the strokes", cold["evidence"], paper=50),
         _row("solve, all bounces", cold["solve"], paper=270),
+        _row(f"stylize, rounds: {rounds}", styling, f"{levels:g} bounces", levels * bounce[0]),
+        _row("its look, read back", session.seconds["author"] - cold["author"]),
         _row(f"picture {SIZE[0]} x {SIZE[1]}", picture, paper=75),
     ]
     return {
