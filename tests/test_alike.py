@@ -9,7 +9,11 @@ from pathlib import Path
 import numpy as np
 import OpenImageIO as oiio
 import pytest
+from stage_parts import StageBuilder, TextureInput, rectangle, write_image
+from stage_parts import ball as stage_ball
+from varying_floor import surface_at
 
+from usdslf.camera_rays import project_points
 from usdslf.demo_shapes import ball, panel
 from usdslf.errors import StrokeError
 from usdslf.light_field import LightField
@@ -50,8 +54,6 @@ def dab(session: Session, name: str = "stroke_0001", **other: object) -> Stroke:
 
 def at_of(session: Session, material: str) -> tuple[float, float]:
     """The middle of a ball on the picture."""
-    from usdslf.camera_rays import project_points
-
     at, _ = project_points(session.camera(), [(BALLS[material], 0.23, 0.22)], SIZE[0] / SIZE[1])
     return float(at[0, 0]), float(at[0, 1])
 
@@ -200,3 +202,43 @@ def test_solve_takes_the_weights(session: Session, tmp_path: Path, run: Run) -> 
     assert code == 2 and "three weights" in err
     code, _, err = run(*given, "--similarity", "0,0,0")
     assert code != 0 and "one above 0" in err
+
+
+def test_a_material_that_is_similar_in_part_changes_there(tmp_path: Path) -> None:
+    """A panel, left half like the painted ball, right half blue: a texture holds the change of the left."""
+    b = StageBuilder(tmp_path)
+    red, blue = (0.5, 0.08, 0.06), (0.06, 0.12, 0.5)
+    image = np.zeros((64, 128, 3), np.float32)
+    image[:, :64], image[:, 64:] = red, blue
+    write_image(tmp_path / "halves.exr", 1.055 * image ** (1 / 2.4) - 0.055)  # sRGB
+    b.mesh("ball", stage_ball(0.25), b.material("red", diffuseColor=red, roughness=0.6), (-0.8, 0.3, 0.3))
+    panel = b.material("panel", diffuseColor=TextureInput("halves.exr"), roughness=0.6)
+    b.mesh("panel", rectangle((-0.4, 0, 0), (1.2, 0, 0), (0, 0.8, 0)), panel)
+    b.dome_light("sky", 0.5, (1.0, 1.0, 1.0))
+    b.camera((0, 0.6, 3.0), (0, 0.35, 0))
+    session = Session(str(b.save()), elements=700)
+    camera = session.camera()
+    places = [(-0.8 + dx, 0.3 + dy, 0.54) for dx in (-0.06, 0, 0.06) for dy in (-0.05, 0.05)]
+    at, _ = project_points(camera, places, 16 / 9)
+    painted = paint_stroke(
+        session.scene, session.tracer, camera, [[p] for p in at], 0.012, (0.2, 0.45, 0.1), name="stroke_0001",
+        scope="similar", aspect=16 / 9,
+    )  # fmt: skip
+    session.add_stroke(painted)
+    session.solve()
+    (said,) = [w for w in session.warnings if "is similar; that part of it changes" in w]
+    assert "/World/mtl/panel" in said
+    edits = session.author(tmp_path / "look.usda")
+    assert {e.representation for e in edits} == {"constant", "texture"} and all(e.wins for e in edits)
+    other = session.edited(tmp_path / "look.usda")
+    x = np.array([(u, 0.4, 0.0) for u in (-0.3, -0.1, 0.1, 0.3, 0.5, 0.7)])
+    before, after = surface_at(session.scene, x).diffuse, surface_at(other.scene, x).diffuse
+    on_ball = np.array([(-0.8, 0.3, 0.55)])
+    delta = surface_at(other.scene, on_ball).diffuse - surface_at(session.scene, on_ball).diffuse
+    assert np.abs(delta).max() > 0.1
+    np.testing.assert_allclose(after[:3] - before[:3], np.repeat(delta, 3, 0), atol=0.02)
+    np.testing.assert_array_equal(after[3:], before[3:])
+    also = {a["material"]: a for a in session.report()["strokes"][0]["also"]}
+    moved = np.subtract(also["/World/mtl/panel"]["after"]["diffuse"], also["/World/mtl/panel"]["before"]["diffuse"])
+    np.testing.assert_allclose(moved, delta[0] / 2, atol=0.03)  # half of its area
+

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from usdslf.visibility import RayTracer
 
 OF_MATERIALS = Weights(position=0.25, normal=0.25, reflectance=2.0)  # another object of the same paint is alike
-MOST = 0.5  # of a material's area that is similar enough for all of it to change
+MOST, ALL, SOME = 0.5, 0.95, 0.02  # of a material's area that is similar enough: for all of it or parts to change
 
 
 def painted_places(
@@ -75,8 +75,8 @@ def similarity_picture(
 def alike_materials(
     scene: Scene, elements: Elements, painted: Places, reach: float, leave: Container[int],
     weights: Weights | None = None,
-) -> tuple[int, ...]:  # fmt: skip
-    """Returns the editable materials most of whose area is similar enough to what was painted.
+) -> dict[int, float]:  # fmt: skip
+    """Returns the editable materials that are similar enough to what was painted, and the share of their area that is.
 
     Args:
         leave: materials that stay as they are, or have a stroke of their own.
@@ -85,15 +85,16 @@ def alike_materials(
     reflectance = np.concatenate([elements.diffuse, elements.f0, elements.roughness[:, None]], 1)
     places = Places(elements.position, elements.geometric_normal, reflectance)
     is_alike = gate(most_similar(places, painted, reach, weights or OF_MATERIALS)) > 0.5
-    found = []
+    found = {}
     for m in np.unique(elements.material):
         rows = elements.material == m
         area = elements.area[rows]
         if m < 0 or int(m) in leave or scene.materials[m].why_not_editable:
             continue
-        if (area * is_alike[rows]).sum() > MOST * area.sum():
-            found.append(int(m))
-    return tuple(found)
+        share = float((area * is_alike[rows]).sum() / area.sum())
+        if share > SOME:
+            found[int(m)] = share
+    return found
 
 
 def _facing(p: Places, towards: F32) -> Places:

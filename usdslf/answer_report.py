@@ -124,7 +124,8 @@ def _of_stroke(session: Session, stroke: Stroke, answer: Answer, *more: Answer) 
             for name, c in [*((c.id, c) for c in answer.candidates), *((a.id, a.mean) for a in answer.varied)]
         ],
     }
-    also = [(m, answer, *alike_means(answer, m, session.light_field)) for m in answer.pool.alike]
+    alike = (*answer.pool.alike, *answer.pool.partly)
+    also = [(m, answer, *alike_means(answer, m, session.light_field)) for m in alike]
     if answer.note:
         found["note"] = answer.note
     if answer.others:

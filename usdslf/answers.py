@@ -37,6 +37,7 @@ class Pool:
     strokes: tuple[int, ...]  # into the strokes that were read
     is_held: bool = False  # asks for no change: a fixate stroke, or a strength of zero
     alike: tuple[int, ...] = ()  # materials that change by the same delta: what is similar to the painted places
+    partly: tuple[int, ...] = ()  # materials that change where they are similar, and nowhere else
 
 
 @dataclass(frozen=True)
@@ -68,6 +69,7 @@ class Answer:
     others: tuple[Alternative, ...] = ()  # of an indirect stroke: explanations by all materials in sight
     note: str = ""  # of an indirect stroke: how well its radiance is met, or why it cannot be
     varied: tuple[VaryingAnswer, ...] = ()  # the best of each parameter that could be stored, for choosing
+    spread: Varying | None = None  # the change as it goes on to what is partly similar
     varying: Varying | None = None  # where the change varies over the surface; `chosen` holds its mean
 
     @property
@@ -115,6 +117,10 @@ def alike_means(answer: Answer, material: int, field: LightField) -> tuple[dict[
     mean = lambda x: np.average(np.asarray(x, np.float64)[rows], axis=0, weights=weight)  # noqa: E731
     d, f0, roughness = mean(s.diffuse), mean(s.f0), np.atleast_1d(mean(s.roughness))
     before = {"diffuse": d, "specular": f0, "roughness": roughness}
+    if answer.spread and material in answer.pool.partly:
+        s = _varied_surface(s, s, answer, answer.spread, field, rows)
+        d, f0, roughness = mean(s.diffuse), mean(s.f0), np.atleast_1d(mean(s.roughness))
+        return before, {"diffuse": d, "specular": f0, "roughness": roughness}
     return before, {"diffuse": c.diffuse_of(d), "specular": c.f0_of(f0), "roughness": c.roughness_of(roughness)}
 
 
@@ -133,6 +139,9 @@ def changed_surface(
             rows = alike  # which change by the mean of it
         else:
             rows = rows | alike
+        if a.spread:
+            there = np.isin(field.elements.material, a.pool.partly)
+            surface = _varied_surface(surface, original, a, a.spread, field, there)
         s, c = original, a.chosen
         f0 = c.f0_of(s.f0[rows])
         f90 = f0 if a.tables.is_metal and "specular" in c.freed else s.f90[rows]

@@ -24,6 +24,7 @@ from usdslf.light_field import LightField
 from usdslf.scene import Scene
 from usdslf.strokes import Stroke
 from usdslf.stylize import MaterialStyle
+from usdslf.varying import Varying
 
 
 def changes_of(
@@ -40,7 +41,7 @@ def changes_of(
     changes = [_change(a, scene, strokes, mode) for a in freed]
     if mode == "new":
         return changes
-    return changes + [_alike_change(a, m, scene, strokes, field) for a in freed for m in a.pool.alike]
+    return changes + [_alike_change(a, m, scene, strokes, field) for a, m, _ in _further(freed)]
 
 
 def _change(answer: Answer, scene: Scene, strokes: Sequence[Stroke], mode: str) -> MaterialChange:
@@ -117,18 +118,26 @@ def with_varying(
         warnings: takes what is odd about the textures.
     """
     freed = [a for a in answers if a.chosen.freed]
-    varied = [_varied(c, a, scene, folder, color, warnings) for c, a in zip(changes, freed)]
-    return varied + changes[len(freed) :]  # what is alike changes by the mean
+    all_of_them = [*((a, a.pool.material, a.varying) for a in freed), *_further(freed)]
+    return [
+        c if v is None else _varied(c, m, v, scene, folder, color, warnings)
+        for c, (_, m, v) in zip(changes, all_of_them)  # of mode `new` there are no further ones
+    ]
+
+
+def _further(answers: list[Answer]) -> list[tuple[Answer, int, Varying | None]]:
+    """What is similar: the answer, a material that changes with it, and how, where not by the mean."""
+    return [
+        (a, m, a.spread if m in a.pool.partly else None) for a in answers for m in (*a.pool.alike, *a.pool.partly)
+    ]
 
 
 def _varied(
-    change: MaterialChange, answer: Answer, scene: Scene, folder: Path, color: Color, warnings: list[str]
-) -> MaterialChange:
-    if answer.varying is None:
-        return change
-    material = answer.pool.material
-    carrier = carrier_of(scene, material, change.targets, answer.varying)
-    found = carry(scene, material, carrier, answer.varying, folder, color, warnings)
+    change: MaterialChange, material: int, varying: Varying, scene: Scene, folder: Path, color: Color,
+    warnings: list[str],
+) -> MaterialChange:  # fmt: skip
+    carrier = carrier_of(scene, material, change.targets, varying)
+    found = carry(scene, material, carrier, varying, folder, color, warnings)
     if isinstance(found, Baked):
         return replace(change, baked={carrier.input: found})
     return replace(change, by_vertex={carrier.input: found})

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from usdslf.alike import alike_materials
+from usdslf.alike import ALL, MOST, OF_MATERIALS, alike_materials
 from usdslf.answers import Answer, Painted, Pool, changed_surface, means_of, scope_rows
 from usdslf.carriers import carrier_of
 from usdslf.errors import SolveError, StrokeError
@@ -42,7 +42,15 @@ from usdslf.solve import (
 from usdslf.strokes import Stroke
 from usdslf.tables import Tables, pool_tables
 from usdslf.tools import asks_for_nothing, expected_error, wanted_radiance
-from usdslf.varying import VaryingAnswer, as_candidate, asks_to_vary, places_of_dabs, refit_varying, varying_answers
+from usdslf.varying import (
+    VaryingAnswer,
+    as_candidate,
+    as_spread,
+    asks_to_vary,
+    places_of_dabs,
+    refit_varying,
+    varying_answers,
+)
 
 if TYPE_CHECKING:
     from usdslf.visibility import RayTracer
@@ -106,7 +114,7 @@ def infer_changes(
         evidence = [p.evidence(field) for p in painted]
         answers = [_first_answer(p, evidence, painted, field, scene, options, choose, said) for p in pools]
     answers = [_or_nothing(a, painted, choose, said) for a in answers]
-    answers = [_with_alike(a, answers, evidence, painted, field, scene, similarity) for a in answers]
+    answers = [_with_alike(a, answers, evidence, painted, field, scene, similarity, said) for a in answers]
     kept: list[Answer] | None = None
     kept_surface = original
     at, step, share = np.zeros_like(_changes(answers)), _changes(answers), 1.0
@@ -185,21 +193,39 @@ def _or_nothing(answer: Answer, painted: list[Painted], choose: dict[str, str], 
 
 def _with_alike(
     answer: Answer, answers: list[Answer], evidence: list[Evidence], painted: list[Painted], field: LightField,
-    scene: Scene, weights: Weights | None,
+    scene: Scene, weights: Weights | None, said: list[str],
 ) -> Answer:  # fmt: skip
-    """The answer with the materials that change too, where one of its strokes says `similar`."""
+    """The answer with the materials that change too, wholly or in part, where one of its strokes says `similar`."""
     pool = answer.pool
     similar = [i for i in pool.strokes if painted[i].stroke.scope == "similar"]
     if not similar or not answer.chosen.freed:
         return answer
     taken = [a.pool for a in answers if a.pool != pool]
-    leave = {pool.material, *(p.material for p in taken), *(m for p in taken for m in p.alike)}
+    leave = {pool.material, *(p.material for p in taken), *(m for p in taken for m in (*p.alike, *p.partly))}
     leave |= set(fixed_materials(evidence))
     mine = [evidence[i] for i in similar]
     places = places_of_dabs(mine, pool.material)
     brush = float(np.mean([e.stroke.widths.mean() for e in mine]))
-    alike = alike_materials(scene, field.elements, places, reach_of(places.position, 0.5 * brush), leave, weights)
-    return replace(answer, pool=replace(pool, alike=alike))
+    reach = reach_of(places.position, 0.5 * brush)
+    shares = alike_materials(scene, field.elements, places, reach, leave, weights)
+    spread = as_spread(answer.chosen, answer.varying, places, reach, weights or OF_MATERIALS)
+    whole, partly = [m for m, share in shares.items() if share > MOST], []
+    for m in (m for m, share in shares.items() if share <= ALL):
+        why = carrier_of(scene, m, (), spread).why_not if spread else "its change has several parameters"
+        if not why:
+            partly.append(m)
+        said.append(
+            f"{pool_names(painted, pool)}: {shares[m]:.0%} of {scene.materials[m].path} is similar; "
+            + (f"all or nothing of it changes: {why}" if why else "that part of it changes")
+        )
+    whole = [m for m in whole if m not in partly]
+    pool = replace(pool, alike=tuple(whole), partly=tuple(partly))
+    return replace(answer, pool=pool, spread=spread if partly else None)
+
+
+def pool_names(painted: list[Painted], pool: Pool) -> str:
+    """Returns the paths of a pool's strokes."""
+    return ", ".join(painted[i].stroke.path for i in pool.strokes)
 
 
 def _relaxed(step: NDArray, last: NDArray, share: float) -> tuple[NDArray, float]:
@@ -235,7 +261,10 @@ def _with_changes(answer: Answer, change: NDArray) -> Answer:
         shift = np.array([chosen.roughness_shift])
         of = {"diffuse": chosen.delta_diffuse, "specular": chosen.delta_f0, "glossiness": shift}
         varying = varying.moved(of[varying.parameter])
-    return replace(answer, chosen=chosen, before=before, after=after, varying=varying)
+    spread = answer.spread
+    if spread:
+        spread = as_spread(chosen, varying, spread.places, spread.reach, spread.weights)
+    return replace(answer, chosen=chosen, before=before, after=after, varying=varying, spread=spread)
 
 
 def _total(answers: list[Answer]) -> float:

@@ -99,6 +99,22 @@ def _changed(v: Varying, q: F64, value: F64) -> F64:
     return np.clip(new, 0.001 if v.parameter == "glossiness" else 0, 1)
 
 
+def as_spread(c: Candidate, v: Varying | None, places: Places, reach: float, weights: Weights) -> Varying | None:
+    """Returns a change as it goes on to all that is similar to the dabs; None where it has several parameters.
+
+    Args:
+        c, v: the constant change, or the one that varies.
+    """
+    if v is not None:
+        return replace(v, places=places, reach=reach, weights=weights, is_gated=True)
+    if len(c.freed) != 1:
+        return None
+    of = {"diffuse": c.delta_diffuse, "specular": c.delta_f0, "glossiness": np.array([c.roughness_shift])}
+    q = np.tile(of[c.freed[0]], (len(places), 1))
+    form = "factor" if c.is_tint else "add"
+    return Varying(c.freed[0], form, reach, q, np.zeros((*q.shape, 3)), places, reach, True, weights)
+
+
 def places_of_dabs(evidences: Sequence[Evidence], material: int) -> Places:
     """Returns the places of the dabs on a material, in the order of `pool_tables`."""
     parts: list[tuple[F64, F64, F64]] = []
