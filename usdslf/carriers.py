@@ -106,19 +106,21 @@ def carrier_of(scene: Scene, material: int, targets: Sequence[str], varying: Var
 
 def carry(
     scene: Scene, material: int, carrier: Carrier, varying: Varies, folder: Path, color: Color, warnings: list[str],
-    size: tuple[int, int] | None = None,
+    size: tuple[int, int] | None = None, at_points: dict[str, Places] | None = None,
 ) -> Baked | ByVertex:  # fmt: skip
     """Writes the texture of a varying change, or says what its values are at points.
 
     Args:
         size: (width, height) of a texture for an input that had none.
+        at_points: the surface at the points of each gprim, filled as they are asked for; several parameters of a
+            material share it.
 
     Raises: AuthorError where a texture cannot be read or written.
     """
     assert carrier.triangles is not None and not carrier.why_not, carrier
     m, name = scene.materials[material], carrier.input
     if carrier.by_points:
-        return _by_vertex(scene, material, name, varying)
+        return _by_vertex(scene, material, name, varying, {} if at_points is None else at_points)
     value = getattr(m, FIELDS[name])
     base = None if isinstance(value, Texture) else _base(m, name)
     texture = value if isinstance(value, Texture) else plain_texture(_base(m, name), carrier.uv_set)
@@ -211,16 +213,18 @@ def _why_not_points(scene: Scene, triangles: NDArray, v: Varies) -> str:
     return ""
 
 
-def _by_vertex(scene: Scene, material: int, name: str, v: Varies) -> ByVertex:
+def _by_vertex(scene: Scene, material: int, name: str, v: Varies, at_points: dict[str, Places]) -> ByVertex:
     """The input's values at any points of a gprim: those of the nearest place of its surface."""
     table, m = scene.triangles, scene.materials[material]
 
     def at(gprim: str, points: F64) -> F64:
-        mesh = next(i for i, one in enumerate(scene.meshes) if one.path == gprim)
-        own = np.flatnonzero((table.mesh == mesh) & (table.material == material))
-        near = nearest_on_triangles(table.positions[own], points)
-        places = places_at(scene, own[near.triangle].astype(np.int32), near.barycentric.astype(np.float32))
-        return _values(m, name, v, places)[1]
+        if gprim not in at_points:
+            mesh = next(i for i, one in enumerate(scene.meshes) if one.path == gprim)
+            own = np.flatnonzero((table.mesh == mesh) & (table.material == material))
+            near = nearest_on_triangles(table.positions[own], points)
+            triangle, barycentric = own[near.triangle].astype(np.int32), near.barycentric.astype(np.float32)
+            at_points[gprim] = places_at(scene, triangle, barycentric)
+        return _values(m, name, v, at_points[gprim])[1]
 
     before, after = (x.mean(0) for x in _values(m, name, v, v.places))
     return ByVertex(tuple(float(x) for x in before), tuple(float(x) for x in after), at, scene.frame)

@@ -68,6 +68,7 @@ def with_styles(
     d, f0, roughness = stylized.change_at(at)
     found: dict[str, Baked | ByVertex] = {}
     known: dict[bytes, tuple[NDArray[np.int64], F64]] = {}
+    at_points: dict[str, Places] = {}
     for parameter, moved in zip(("diffuse", "specular", "glossiness"), (d, f0, roughness[:, None])):
         if parameter not in change.freed:
             continue
@@ -77,7 +78,7 @@ def with_styles(
             warnings.append(f"{change.material.path}: {parameter} changes by its mean, for {carrier.why_not}")
             continue
         found[carrier.input] = carry(
-            scene, style.material, carrier, varying, folder, color, warnings, size=(side, side)
+            scene, style.material, carrier, varying, folder, color, warnings, (side, side), at_points
         )
     return replace(
         change,
