@@ -39,6 +39,7 @@ FITTED = ("none", "diffuse", "specular", "diffuse+specular")  # at each level
 BLOCKS = 4  # of sixteen elements at a time: their columns stay in the caches of a CPU
 PARTS = 8  # of the bins, each summed by itself
 OWN = LEVEL_COUNT  # row of an element's own roughness
+GROUPS = {"take_products": (3, 1, 1), "take_residuals": (1, 1), "fit_level": (LANES,), "put_level": (LANES,)}
 TIE = 1e-9  # of the wanted light's square: residuals below are alike
 
 
@@ -181,7 +182,7 @@ class _Work:
 
     def run(self, name: str, size: tuple[int, ...], *args: Any) -> None:
         constants = {"PHONG": int(self.field.model == "phong"), "LEAST": int(self.least)}
-        local = (64, 1) if size[0] % 64 == 0 and len(size) == 2 else None
+        local = GROUPS.get(name, (64, 1))  # small ones, for few blocks are to keep all processors busy
         self.device.kernel("element_solve", name, **constants)(size, local, *args)
 
     def enumerate(self, element: NDArray, wanted_d: Any, weight: NDArray, hold: NDArray) -> ElementCandidates:
