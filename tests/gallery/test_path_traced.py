@@ -13,8 +13,8 @@ from usdslf.gallery.play import Play
 pytestmark = pytest.mark.skipif(bool(why_no_pathtracer()), reason=why_no_pathtracer())
 DIRECT, INDIRECT = 5.0, 2.0  # times nearer
 NAMES = (
-    "still_life", "toys", "shadow_diffuse", "white_room", "sketch_specular", "across_the_mirror", "indirect_diffuse",
-    "indirect_specular",
+    "still_life", "toys", "white_dab", "shadow_diffuse", "white_room", "sketch_specular", "across_the_mirror",
+    "indirect_diffuse", "indirect_specular",
 )  # fmt: skip
 
 
