@@ -266,3 +266,26 @@ def test_a_tinted_metal_texture_is_scaled(tmp_path: Path) -> None:
     edits = session.author(tmp_path / "look.usda")
     assert [(e.representation, e.attribute) for e in edits] == [("scale", "inputs:scale")]
     np.testing.assert_allclose(surface_at(session.edited(tmp_path / "look.usda").scene, P).f0, wanted, atol=0.01)
+
+
+@pytest.mark.parametrize(("term", "stored"), [((0.22, 0.17, 0.19), "texture"), ((-0.05, -0.1, -0.12), "scale")])
+def test_a_term_on_a_texture_is_a_bias_or_a_texture_of_its_own(tmp_path: Path, term: tuple, stored: str) -> None:
+    """Light squares end at white, which no scale and bias can say; what is taken away leaves all above black."""
+    write_image(tmp_path / "squares.png", checker((0.45,) * 3, (0.95,) * 3, squares=5, size=640))
+    path = write_floor(
+        tmp_path, useSpecularWorkflow=1.0, diffuseColor=TextureInput("squares.png"), specularColor=(F0,) * 3,
+        roughness=ROUGHNESS,
+    )  # fmt: skip
+    wanted = lambda d: np.clip(d + np.array(term), 0, 1)  # noqa: E731
+    own = texels(usdslf.open(str(path), elements=400))
+    session, found = solved(path, stroke(seen(P, wanted(own))))
+    assert found["inferred"] == "diffuse" and not found["varies"]
+    edits = session.author(tmp_path / "look.usda")
+    assert {e.representation for e in edits} == {stored} and all(e.wins for e in edits)
+    said = [w for w in session.warnings if "gets a texture of its own" in w]
+    assert bool(said) == (stored == "texture")
+    other = session.edited(tmp_path / "look.usda")
+    np.testing.assert_allclose(texels(other), wanted(own), atol=0.07)  # dabs on two squares are cut off in part
+    x = np.stack([np.linspace(-0.95, 0.95, 200), np.zeros(200), np.full(200, 0.83)], 1)  # also where nobody painted
+    before, after = surface_at(session.scene, x).diffuse, surface_at(other.scene, x).diffuse
+    assert np.abs(after - wanted(before)).mean() < 0.03 and after.max() <= 1

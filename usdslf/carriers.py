@@ -40,6 +40,7 @@ class Varies(Protocol):
     """A change of one parameter that varies over a surface, known at n places: of strokes or of a style.
 
     Grey: a specular change with one value for all channels.  Noisy: it is worth having where it is met on the whole.
+    Even: the same change, or factor, everywhere.
     """
 
     @property
@@ -50,6 +51,8 @@ class Varies(Protocol):
     def is_grey(self) -> bool: ...
     @property
     def is_noisy(self) -> bool: ...
+    @property
+    def is_even(self) -> bool: ...
     def at(self, x: Places) -> F64: ...
     def of_dabs(self) -> F64: ...
 
@@ -95,7 +98,7 @@ def carrier_of(scene: Scene, material: int, targets: Sequence[str], varying: Var
     if not isinstance(value, (Texture, np.ndarray)):
         return Carrier(why_not=f"a primvar drives its {name}")
     uv_set = value.uv_set if isinstance(value, Texture) else next(iter(common_sets(scene, triangles)), "")
-    if uv_set and lies_flat(scene, triangles, uv_set):
+    if uv_set and (varying.is_even or lies_flat(scene, triangles, uv_set)):
         return Carrier(name, uv_set, triangles)
     flat = f"its texture coordinates {uv_set} lie upon each other" if uv_set else "it has no texture coordinates"
     why = _why_not_points(scene, triangles, varying)
@@ -126,7 +129,7 @@ def carry(
     texture = value if isinstance(value, Texture) else plain_texture(_base(m, name), carrier.uv_set)
 
     def delta(triangle: NDArray, barycentric: NDArray) -> F64:
-        before, after = _values(m, name, varying, places_at(scene, triangle, barycentric))
+        before, after = input_values(m, name, varying, places_at(scene, triangle, barycentric))
         return after - (before if base is None else base)
 
     stem = f"{m.path.rsplit('/', 1)[-1]}_{name}"
@@ -171,8 +174,8 @@ def _base(m: Material, name: str) -> F64:
     return np.full(3, normal_reflectance(ior))
 
 
-def _values(m: Material, name: str, v: Varies, x: Places) -> tuple[F64, F64]:
-    """The input's values (k, C) at places before and after."""
+def input_values(m: Material, name: str, v: Varies, x: Places) -> tuple[F64, F64]:
+    """Returns the values (k, C) of an input at places, before and after a change."""
     change = v.at(x)
     if name == "roughness":
         rough = np.asarray(x.reflectance[:, 6:7], np.float64)
@@ -224,8 +227,8 @@ def _by_vertex(scene: Scene, material: int, name: str, v: Varies, at_points: dic
             near = nearest_on_triangles(table.positions[own], points)
             triangle, barycentric = own[near.triangle].astype(np.int32), near.barycentric.astype(np.float32)
             at_points[gprim] = places_at(scene, triangle, barycentric)
-        return _values(m, name, v, at_points[gprim])[1]
+        return input_values(m, name, v, at_points[gprim])[1]
 
-    before, after = (x.mean(0) for x in _values(m, name, v, v.places))
+    before, after = (x.mean(0) for x in input_values(m, name, v, v.places))
     return ByVertex(tuple(float(x) for x in before), tuple(float(x) for x in after), at, scene.frame)
 

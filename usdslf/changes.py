@@ -17,14 +17,19 @@ from numpy.typing import NDArray
 from usdslf.anchors import locate_stroke, painted_faces
 from usdslf.answers import Answer, alike_means
 from usdslf.bake import Baked
-from usdslf.carriers import carrier_of, carry
+from usdslf.carriers import carrier_of, carry, input_values
 from usdslf.color import Color
-from usdslf.edits import MaterialChange, Reflectance
+from usdslf.edits import InputEdit, MaterialChange, Reflectance, material_change_to_input_edits
 from usdslf.light_field import LightField
+from usdslf.propagate import Places, places_at
 from usdslf.scene import Scene
+from usdslf.solve import Candidate
 from usdslf.strokes import Stroke
 from usdslf.stylize import MaterialStyle
-from usdslf.varying import Varying
+from usdslf.varying import Varying, as_even
+
+SCALED_WELL = 0.02  # of a reflectance, root mean square, that scale and bias of a texture may be off
+PLACES = 2000  # that are looked at for it
 
 
 def changes_of(
@@ -112,6 +117,8 @@ def with_varying(
 ) -> list[MaterialChange]:  # fmt: skip
     """Gives changes that vary over surfaces their textures, or values at points.
 
+    So too a constant change that scale and bias of a texture cannot say: one that is cut off at black or white.
+
     Args:
         changes: of `changes_of(answers, ...)`.
         folder: of the textures.
@@ -120,8 +127,10 @@ def with_varying(
     freed = [a for a in answers if a.chosen.freed]
     all_of_them = [*((a, a.pool.material, a.varying) for a in freed), *_further(freed)]
     return [
-        c if v is None else _varied(c, m, v, scene, folder, color, warnings)
-        for c, (_, m, v) in zip(changes, all_of_them)  # of mode `new` there are no further ones
+        _varied(c, m, v, scene, folder, color, warnings)
+        if v
+        else _exact(c, m, a.chosen, scene, folder, color, warnings)
+        for c, (a, m, v) in zip(changes, all_of_them)  # of mode `new` there are no further ones
     ]
 
 
@@ -141,6 +150,47 @@ def _varied(
     if isinstance(found, Baked):
         return replace(change, baked={carrier.input: found})
     return replace(change, by_vertex={carrier.input: found})
+
+
+def _exact(
+    change: MaterialChange, material: int, chosen: Candidate, scene: Scene, folder: Path, color: Color,
+    warnings: list[str],
+) -> MaterialChange:  # fmt: skip
+    """The change by a bias, else with a texture of its own, where its usual map is too far off what was found."""
+    edits = material_change_to_input_edits(change) if len(chosen.freed) == 1 else []
+    if len(edits) != 1 or edits[0].representation != "scale":
+        return change
+    even = as_even(chosen)
+    carrier = carrier_of(scene, material, change.targets, even)
+    if carrier.why_not or carrier.triangles is None or carrier.input != edits[0].input:
+        return change
+    before, after = input_values(
+        scene.materials[material], carrier.input, even, _somewhere(scene, carrier.triangles)
+    )
+
+    def off_by(edit: InputEdit) -> float:
+        mapped = before * np.array(edit.scale) + np.array(edit.bias)
+        return float(np.sqrt(np.mean((mapped - after) ** 2)))
+
+    off = off_by(edits[0])
+    if off <= SCALED_WELL:
+        return change
+    by_bias = replace(change, map="add")
+    if off_by(*material_change_to_input_edits(by_bias)) <= SCALED_WELL:
+        return by_bias
+    warnings.append(
+        f"{change.material.path}: {carrier.input} gets a texture of its own; a scale and a bias would be {off:.2f} off"
+    )
+    return _varied(change, material, even, scene, folder, color, warnings)
+
+
+def _somewhere(scene: Scene, triangles: NDArray) -> Places:
+    """Random places on triangles, by area."""
+    rng = np.random.default_rng(0)
+    area = scene.triangles.areas[triangles]
+    which = rng.choice(triangles, PLACES, p=area / area.sum()).astype(np.int32)
+    root, along = np.sqrt(rng.random(PLACES)), rng.random(PLACES)
+    return places_at(scene, which, np.stack([root * (1 - along), root * along], 1).astype(np.float32))
 
 
 def shown_on(scene: Scene, material: int) -> tuple[str, ...]:

@@ -478,8 +478,9 @@ class Session:
         return self.author(path, strokes_path, review_root, mode)
 
     def _measure_written(self, look: str | os.PathLike[str]) -> None:
-        """Looks at what a look shows where a change varies: texels and points hold it only so well."""
-        varying = [a for a in self.answers if a.varying]
+        """Looks at what a look shows where textures or points hold a change: they do only so well."""
+        has_texture = any(e.representation == "texture" for e in self.edits)
+        varying = [a for a in self.answers if a.varying or (has_texture and a.chosen.freed and not a.others)]
         self.residual_as_written = {}
         if not (varying or self.stylized) or not self.shot.GetRootLayer().realPath:
             return  # a shot in memory alone is in no look's reach

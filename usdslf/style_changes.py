@@ -36,6 +36,7 @@ class StyleChange:
     spacing: float  # of the elements [stage units]
     known: dict[bytes, tuple[NDArray[np.int64], F64]]  # weights by places, which all parameters share
     is_noisy: bool = True  # light that a few rays brought
+    is_even: bool = False
 
     @property
     def is_grey(self) -> bool:

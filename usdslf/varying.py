@@ -77,6 +77,11 @@ class Varying:
         return _changed(self, self.q, _value(self, self.places)) - _value(self, self.places)
 
     @property
+    def is_even(self) -> bool:
+        """Whether it is the same change, or factor, everywhere."""
+        return not (self.is_gated or self.slope.any() or np.ptp(self.q, axis=0).any())
+
+    @property
     def mean(self) -> F64:
         """Mean change (3,) or (1,) over the dabs."""
         return self.of_dabs().mean(0)
@@ -113,6 +118,14 @@ def as_spread(c: Candidate, v: Varying | None, places: Places, reach: float, wei
     q = np.tile(of[c.freed[0]], (len(places), 1))
     form = "factor" if c.is_tint else "add"
     return Varying(c.freed[0], form, reach, q, np.zeros((*q.shape, 3)), places, reach, True, weights)
+
+
+def as_even(c: Candidate) -> Varying:
+    """Returns a constant change of one parameter as one of each place."""
+    nowhere = Places(np.zeros((1, 3)), np.array([[0.0, 0.0, 1.0]]), np.zeros((1, 7)))
+    spread = as_spread(c, None, nowhere, 1.0, NEAR)
+    assert spread is not None, c.freed
+    return replace(spread, is_gated=False)
 
 
 def places_of_dabs(evidences: Sequence[Evidence], material: int) -> Places:
