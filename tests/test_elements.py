@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from reference.shapes import box, corrugated, lamp, make_mesh, make_scene, quad, sphere
+from reference.shapes import band, box, corrugated, lamp, make_mesh, make_scene, quad, sphere
 from reference.visibility import square_cells
 from scipy.spatial import cKDTree
 
@@ -149,6 +149,21 @@ def test_bodies_that_cut_into_each_other_do_not_leak():
     radius = np.linalg.norm(e.position[on_floor], axis=1)
     assert (radius < 0.9).sum() == 0
     np.testing.assert_allclose(e.area[on_floor].sum(), 16 - np.pi, rtol=0.03)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_what_a_body_stands_on_has_no_elements_below_it(seed):
+    """Not even where most of the floor around is lit, as below thin walls and along edges."""
+    floor = quad((-1, 0, 1), (2, 0, 0), (0, 0, -2), path="/floor")
+    _, e = sample(make_scene(floor, band(0.5, 0.44, 0.12), box((-0.2, 0, -0.3), (0.2, 0.2, 0.2))), 600, seed)
+    below_band, below_box = 24 * np.sin(np.pi / 24) * (0.5**2 - 0.44**2), 0.4 * 0.5
+    on_floor = (e.mesh == 0) & (e.side > 0)
+    x, _, z = e.position[on_floor].T
+    sector = 2 * np.pi / 48
+    reach = np.hypot(x, z) * np.cos(np.arctan2(z, x) % sector - sector / 2) / np.cos(sector / 2)  # 48 corners
+    assert not ((reach > 0.44) & (reach < 0.5)).any()
+    assert not ((np.abs(x) < 0.2) & (z > -0.3) & (z < 0.2)).any()
+    np.testing.assert_allclose(e.area[on_floor].sum(), 4 - below_band - below_box, rtol=0.03)
 
 
 def test_in_a_closed_room_the_inside_lives_by_its_lamp():

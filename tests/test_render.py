@@ -8,11 +8,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from light_field_scenes import lit
+from light_field_scenes import material as specular_workflow
 from numpy.typing import NDArray
 from pxr import Gf
 from reference import lights as closed
 from reference.reflectance import albedo, integrate_columns, preview_surface
-from reference.shapes import make_scene, quad, sphere
+from reference.shapes import band, make_scene, quad, sphere
 
 import usdslf.render as render_module
 from usdslf.camera_rays import camera_rays, project_points
@@ -228,6 +230,23 @@ def test_between_even_walls_a_ball_shows_its_albedo(device: Device) -> None:
     np.testing.assert_allclose(center, expected, rtol=0.01)
     np.testing.assert_allclose(aovs["color"], aovs["indirect"], rtol=1e-5)
     assert aovs["direct"][on_ball].max() == 0
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_where_a_hollow_body_stands_on_the_ground_all_white_is_as_bright_as_its_sky(device: Device, seed: int) -> None:
+    """Surfaces that absorb nothing reflect as much as the dome sends; half of it reaches the foot by the wall."""
+    white = [specular_workflow(1.0)]
+    made = lit(device, [ground(), band(0.5, 0.44, 0.12)], white, (white_dome(),), count=500, seed=seed)
+    aovs = render(
+        made.scene, camera_at((0, 2.6, 1.2)), (120, 90), made.tracer, made.field, made.scene.lights, device,
+        aovs=("color", "position", "mesh"), elements=500,
+    )  # fmt: skip
+    radius = np.linalg.norm(aovs["position"][..., ::2], axis=-1)
+    foot = (aovs["mesh"][..., 0] == 0) & (radius > 0.38) & (radius < 0.56)
+    light = aovs["color"][foot].mean(-1)
+    assert foot.sum() > 500
+    assert abs(light.mean() - 1) < 0.01
+    assert light.min() > 0.93 and light.max() < 1.1
 
 
 # ── lights against closed forms ──────────────────────────────────────────────────────────────────

@@ -18,7 +18,7 @@ from scipy.spatial import cKDTree
 from usdslf.blue_noise import choose_blue_noise, surface_coordinates
 from usdslf.element_lookup import ElementLookup
 from usdslf.errors import StageError
-from usdslf.living_sides import PROBE_ROUNDS, ROUNDS, find_living_points
+from usdslf.living_sides import PROBE_ROUNDS, ROUNDS, find_living_points, share_of_living
 from usdslf.scene import F32, I32, Scene
 from usdslf.surface import SurfacePoints, evaluate_surface
 
@@ -268,7 +268,7 @@ def _living_candidates(
     alive = there.copy()
     ask = np.flatnonzero(there & doubtful[group])
     alive[ask] = find_living_points(scene, tracer, triangle[ask], points.position[ask], normal[ask], rng, rounds)
-    # What lies among the living is only in the dark by chance.
+    # What lies among the living, and sees them, is only in the dark by chance; what is shut off from them stays dark.
     dark = ask[~alive[ask]]
     lit = ask[alive[ask]]
     if len(dark) and len(lit):
@@ -276,7 +276,7 @@ def _living_candidates(
         where = surface_coordinates(points.position, normal, group, np.maximum(size, 1e-30))
         known = np.concatenate([lit, dark])
         near = cKDTree(where[known]).query(where[dark], k=min(6, len(known)), workers=tracer.threads)[1]
-        alive[dark[(near < len(lit)).mean(1) > 0.6]] = True
+        alive[dark[share_of_living(tracer, points.position, normal, alive, dark, known[near]) > 0.6]] = True
     keep = np.flatnonzero(alive)
     kept = take_points(points, keep)
     return _Pool(kept.position, normal[keep].astype(np.float32), group[keep]), kept

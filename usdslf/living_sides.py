@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from usdslf.near_elements import see_each_other
 from usdslf.scene import F64, Light, Material, Scene
 
 if TYPE_CHECKING:
@@ -55,6 +56,25 @@ def find_living_points(
         rows = np.repeat(left, paths)
         alive[rows[_trace_paths(scene, tracer, start[rows], normal[rows], rng)]] = True
     return alive
+
+
+def share_of_living(
+    tracer: RayTracer, position: NDArray, normal: NDArray, alive: NDArray, rows: NDArray, near: NDArray
+) -> NDArray[np.float64]:
+    """Tells how many of the places around some are alive and in sight: what is shut off from light has none.
+
+    Args:
+        position, normal: (n, 3) on surfaces, unit geometric normals of their sides.
+        alive: (n,).
+        rows: (m,) of these places.
+        near: (m, k) of these places, around each; it may be among them, and is in sight of itself.
+
+    Returns: shares (m,) of k.
+    """
+    row, column = np.nonzero(alive[near])
+    a, b = rows[row], near[row, column]
+    counts = (a == b) | see_each_other(tracer, position[a], normal[a], position[b], normal[b])
+    return np.bincount(row[counts], minlength=len(rows)) / near.shape[1]
 
 
 def _trace_paths(

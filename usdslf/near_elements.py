@@ -68,6 +68,21 @@ def near_elements(
     return out, far
 
 
+def see_each_other(
+    tracer: RayTracer, position: NDArray, normal: NDArray, other: NDArray, other_normal: NDArray
+) -> NDArray[np.bool_]:
+    """Tells which pairs of near places, lifted off their surfaces, have nothing between them.
+
+    Args:
+        position, other: (n, 3) on surfaces.
+        normal, other_normal: (n, 3) unit geometric normals of their sides.
+    """
+    up = LIFT * np.linalg.norm(other - position, axis=1)[:, None]
+    start = tracer.offset_points(position + up * normal, normal)
+    seen: NDArray[np.bool_] = ~tracer.occluded(start, other + up * other_normal - start, 0.999, see_through=False)
+    return seen
+
+
 def _in_sight(
     tracer: RayTracer,
     elements: Elements,
@@ -90,12 +105,11 @@ def _in_sight(
     # Elements behind a wall are left out where others are in sight.
     row, column = np.nonzero(good)
     e = near[row, column]
-    up = (LIFT * np.sqrt(gap2[row, column]))[:, None]
-    start = tracer.offset_points(position[row] + up * face[row], face[row])
-    way = elements.position[e] + up * elements.geometric_normal[e] - start
     far = (1 + LIFT) * np.sqrt(np.where(good, gap2, np.float32(0)).max(1, initial=0))
     seen = good.copy()
-    seen[row, column] = ~tracer.occluded(start, way, 0.999, see_through=False)
+    seen[row, column] = see_each_other(
+        tracer, position[row], face[row], elements.position[e], elements.geometric_normal[e]
+    )
     good = np.where(seen.any(1, keepdims=True), seen, good)
 
     gap2 = np.where(good, gap2, np.float32(np.inf))

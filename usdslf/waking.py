@@ -25,7 +25,7 @@ from usdslf.elements import (
     spread_candidates,
     take_points,
 )
-from usdslf.living_sides import ROUNDS, find_living_points
+from usdslf.living_sides import ROUNDS, find_living_points, share_of_living
 from usdslf.scene import F32, I32, Scene
 from usdslf.surface import SurfacePoints, evaluate_surface
 
@@ -109,7 +109,9 @@ def wake_elements(
     coordinates = surface_coordinates(points.position[ask], normal[ask], group[ask], spacing[group[ask]])
     k = min(NEIGHBOURS, len(ask))
     near = cKDTree(coordinates).query(coordinates, k=k, workers=tracer.threads)[1].reshape(len(ask), k)
-    kept = np.flatnonzero(alive[near].mean(1) > 0.5)  # few see light by chance, deep inside of something
+    # Few see light by chance deep inside of something, and none of those around see it behind a wall.
+    share = share_of_living(tracer, points.position[ask], normal[ask], alive, np.arange(len(ask)), near)
+    kept = np.flatnonzero(share > 0.5)
     coordinates, ask = coordinates[kept], ask[kept]
     group, points = group[ask], take_points(points, ask)
 

@@ -42,6 +42,16 @@ def box(low=(0, 0, 0), high=(1, 1, 1), inward=False, **kw):
     return make_mesh(p, [x[::-1] for x in t] if inward else t, **kw)
 
 
+def band(outer, inner, height, n=48, **kw):
+    """Two upright walls about the y axis with a ring on top, open below, from y = 0 up."""
+    a = 2 * np.pi * np.arange(n) / n
+    profile = [(outer, 0), (outer, height), (inner, height), (inner, 0)]
+    p = np.concatenate([np.stack([r * np.cos(a), np.full(n, y), r * np.sin(a)], 1) for r, y in profile])
+    i, j = np.arange(n), (np.arange(n) + 1) % n
+    q = [(k * n + i, k * n + n + i, k * n + n + j, k * n + j) for k in range(3)]
+    return make_mesh(p, np.concatenate([np.stack([f[0], f[m], f[m + 1]], 1) for f in q for m in (1, 2)]), **kw)
+
+
 def sphere(radius, center=(0, 0, 0), rows=24, **kw):
     """A smooth-shaded sphere of latitudes and longitudes."""
     mesh = _grid(rows, 2 * rows, lambda u, v: _polar(u, v), **kw)
