@@ -38,7 +38,7 @@ SHARP_PDF = 8.0  # [1/sr] density from which on a ray counts as a reflection
 CAUSTIC_ROUGHNESS = 0.35
 MIRRORED_ANGLE = 0.2  # [sr] of a dome that a ray sees which only the shading normal sent out
 # What surfaces send along one ray of a wide lobe may bring this many times the mean of all light that arrives at
-# the nearest element; more is cut off.  It is the one place where light is clamped.
+# the nearest element, or about it; more is cut off.  It is the one place where light is clamped.
 RAY_MOST = 8.0
 MAX_DEPTH = 6  # surfaces followed after the first
 

@@ -9,21 +9,28 @@ Source: Jensen 1995, Importance Driven Path Tracing using the Photon Map.
 
 from __future__ import annotations
 
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import cKDTree
 
+from usdslf.blue_noise import surface_coordinates
 from usdslf.directions import SIDE, D, bin_directions
 from usdslf.gpu.device import Device
 from usdslf.light_set import LightSet, luminance
 from usdslf.scene import F32, I32
+from usdslf.visibility import thread_count
+
+if TYPE_CHECKING:
+    from usdslf.elements import Elements
 
 BLOCK = 4  # bins on a side
 BLOCKS = D // BLOCK**2
 SHARE = 0.5  # of the rays that are not drawn from a specular lobe
 EVEN = 0.05  # of the guided rays, spread evenly
 GROUP = 64
+ABOUT = 6  # elements that say how bright it is about each
 
 
 class GuidingField(Protocol):
@@ -58,8 +65,9 @@ class LightGuide:
         size = -(-n * BLOCKS // GROUP) * GROUP
         kernel((size,), (GROUP,), np.uint32(n * BLOCKS), field.hit_d, mean_d, field.fixed_d, emitted_d, light_d)
         arrives, escapes, total = np.moveaxis(device.download(light_d), 2, 0)
-        # mean luminance, weighted by the cosine, of all light at each element (N,)
-        self.arriving = (total.sum(1) / bin_directions()[:, 2].sum()).astype(np.float32)
+        # mean luminance, weighted by the cosine, of all light at each element (N,), no less than about it
+        arriving = (total.sum(1) / bin_directions()[:, 2].sum()).astype(np.float32)
+        self.arriving = np.maximum(arriving, mean_about(arriving, field.elements))
         frames = np.asarray(field.elements.frame, np.float32).reshape(n, 3, 3)
         if lights.domes:
             arrives = arrives + escapes * self._sky(frames, lights)
@@ -92,3 +100,19 @@ class LightGuide:
             return np.full(len(triangle), -1, np.int32)
         first = lookup.elements_of_entry[np.where(none, 0, entry), 0]
         return np.where(none | (first == np.uint32(0xFFFFFFFF)), -1, first.astype(np.int64)).astype(np.int32)
+
+
+def mean_about(value: F32, elements: Elements) -> F32:
+    """Means (N,) of values (N,) of each element and those nearest on its side of its part, whatever stands between.
+
+    The element that serves a point may lie in the dark below what stands beside the point, or behind a wall there.
+    """
+    group = elements.part.astype(np.int64) * 2 + (elements.side < 0)
+    number = np.bincount(group)
+    spacing = np.sqrt(np.bincount(group, elements.area) / np.maximum(number, 1))
+    where = surface_coordinates(elements.position, elements.normal, group, spacing[group])
+    k = min(ABOUT, len(value))
+    near = cKDTree(where).query(where, k=k, workers=thread_count())[1].reshape(len(value), k)
+    same = group[near] == group[:, None]
+    mean: F32 = ((value[near] * same).sum(1) / same.sum(1)).astype(np.float32)
+    return mean
