@@ -424,6 +424,30 @@ def test_scope_stroke_splits_the_subset_that_is_there(shot: Usd.Stage, tmp_path:
     assert validate(review) == []
 
 
+@pytest.mark.parametrize("subset", [False, True])
+def test_two_strokes_on_faces_of_one_mesh_share_them_out(shot: Usd.Stage, tmp_path: Path, subset: bool) -> None:
+    """The later one gets the face that both painted."""
+    mesh, material = UsdGeom.Mesh(shot.GetPrimAtPath("/World/row")), "/World/row"
+    if subset:
+        half = UsdShade.MaterialBindingAPI(mesh).CreateMaterialBindSubset("half", Vt.IntArray([0, 1, 2, 3]))
+        bind(half.GetPrim(), UsdShade.Material(shot.GetPrimAtPath("/World/mtl/red")))
+        shot.GetRootLayer().Save()
+        material = "/World/row/half"
+    colors, faces = [(0.1, 0.4, 0.2), (0.3, 0.1, 0.5)], [(1, 2), (2, 3)]
+    changes = [
+        change_of(shot, material, "diffuse", c, scope="stroke", targets=("/World/row",), faces={"/World/row": f})
+        for c, f in zip(colors, faces)
+    ]
+    assert all(e.wins for e in author(shot, tmp_path, *changes))
+    review = compose(tmp_path)
+    found = UsdShade.MaterialBindingAPI(review.GetPrimAtPath("/World/row")).GetMaterialBindSubsets()
+    of = {tuple(s.GetIndicesAttr().Get()): shown(review, str(s.GetPath()))["d"] for s in found}
+    assert set(of) == {(1,), (2, 3)} | ({(0,)} if subset else set())
+    assert_allclose(of[1,], colors[0], rtol=1e-6)
+    assert_allclose(of[2, 3], colors[1], rtol=1e-6)
+    assert validate(review) == []
+
+
 def test_scope_stroke_of_every_face_is_the_whole_prim(shot: Usd.Stage, tmp_path: Path) -> None:
     faces = {"/World/row": (0, 1, 2, 3)}
     change = change_of(shot, "/World/row", "diffuse", (0.1, 0.4, 0.2), scope="stroke", faces=faces)

@@ -37,6 +37,7 @@ class LookLayer:
         self.layer = Sdf.Layer.CreateAnonymous(".usda")
         self.variants: dict[tuple[Sdf.Path, str, str], Sdf.Path] = {}  # that were written in: a prim there
         self._defined: set[Sdf.Path] = set()
+        self._painted: dict[Sdf.Path, list[Sdf.AttributeSpec]] = {}  # of a mesh: faces of new GeomSubsets
         self._classes: tuple[tuple[Sdf.Path, Sdf.Path], ...] = ()  # prim and the class that stands for it
 
     def in_class(self, prim: Sdf.Path, base: Sdf.Path) -> LookLayer:
@@ -137,9 +138,10 @@ class LookLayer:
     def subset(self, mesh: Usd.Prim, name: str, faces: np.ndarray, material: Sdf.Path) -> list[Sdf.Path]:
         """Makes GeomSubsets of the painted faces that show a material now; returns their paths.
 
-        Faces are taken out of the GeomSubset that binds them now: families of bindings must not overlap.
+        Faces are taken out of the GeomSubset that binds them now, and out of those of strokes before: families of
+        bindings must not overlap.
         """
-        new = []
+        new, earlier = [], list(self._painted.get(mesh.GetPath(), ()))
         taken = np.zeros(0, np.int64)
         for old in UsdShade.MaterialBindingAPI(mesh).GetMaterialBindSubsets():
             indices = np.asarray(old.GetIndicesAttr().Get() or [], np.int64)
@@ -147,16 +149,22 @@ class LookLayer:
             inside = np.isin(indices, faces)
             if bound_relationship(old.GetPrim())[0] != material or not inside.any():
                 continue
-            kept = Vt.IntArray.FromNumpy(indices[~inside].astype(np.int32))
-            self.put(self.over(old.GetPath(), "indices"), "indices", Sdf.ValueTypeNames.IntArray, kept)
+            over = self.over(old.GetPath(), "indices")
+            left = np.asarray(over.attributes["indices"].default) if "indices" in over.attributes else indices
+            kept = Vt.IntArray.FromNumpy(left[~np.isin(left, faces)].astype(np.int32))
+            self.put(over, "indices", Sdf.ValueTypeNames.IntArray, kept)
             new.append(self._subset(mesh, f"{name}_{old.GetPrim().GetName()}", indices[inside]))
         free = np.setdiff1d(faces, taken)
         if len(free) and bound_relationship(mesh)[0] == material:
             new.append(self._subset(mesh, name, free))
+        for spec in self._painted.get(mesh.GetPath(), ())[len(earlier) :]:
+            for before in earlier:
+                kept = np.setdiff1d(np.asarray(before.default), np.asarray(spec.default))
+                before.default = Vt.IntArray.FromNumpy(kept.astype(np.int32))
         family = mesh.GetAttribute(_FAMILY)
         if new and (not family or family.Get() not in ("partition", "nonOverlapping")):
-            over = self.over(mesh.GetPath(), _FAMILY)
-            token = Sdf.AttributeSpec(over, _FAMILY, Sdf.ValueTypeNames.Token, Sdf.VariabilityUniform)
+            over, uniform = self.over(mesh.GetPath(), _FAMILY), Sdf.VariabilityUniform
+            token = over.attributes.get(_FAMILY) or Sdf.AttributeSpec(over, _FAMILY, Sdf.ValueTypeNames.Token, uniform)
             token.default = "nonOverlapping"
         return new
 
@@ -166,7 +174,8 @@ class LookLayer:
         names, uniform = Sdf.ValueTypeNames, Sdf.VariabilityUniform
         for attribute, token in (("elementType", "face"), ("familyName", "materialBind")):
             Sdf.AttributeSpec(spec, attribute, names.Token, uniform).default = token
-        self.put(spec, "indices", names.IntArray, Vt.IntArray.FromNumpy(np.sort(faces).astype(np.int32)))
+        put = self.put(spec, "indices", names.IntArray, Vt.IntArray.FromNumpy(np.sort(faces).astype(np.int32)))
+        self._painted.setdefault(mesh.GetPath(), []).append(put)
         return path
 
 
