@@ -14,7 +14,6 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, Vt
 
 from usdslf.bake import bake_texture, plain_texture
 from usdslf.edits import MaterialChange, Reflectance
-from usdslf.errors import AuthorError
 from usdslf.images import write_image
 from usdslf.scene import Scene, Texture
 from usdslf.surface import evaluate_surface
@@ -160,7 +159,7 @@ def test_what_is_authored_is_all_that_is_needed(tmp_path: Path) -> None:
     assert Path(file.resolvedPath).is_file()
 
 
-def test_a_file_that_several_textures_share_is_refused(tmp_path: Path) -> None:
+def test_a_file_that_several_textures_share_stays_for_the_others(tmp_path: Path) -> None:
     stage = textured_shot(tmp_path, {"diffuseColor": "rgb"})
     material = UsdShade.Material(stage.GetPrimAtPath("/World/mtl/tex"))
     port = material.CreateInput("image", F.Asset)
@@ -170,5 +169,8 @@ def test_a_file_that_several_textures_share_is_refused(tmp_path: Path) -> None:
     for node in (UsdShade.Shader(stage.GetPrimAtPath("/World/mtl/tex/map")), second):
         node.CreateInput("file", F.Asset).ConnectToSource(port)
     stage.GetRootLayer().Save()
-    with pytest.raises(AuthorError, match=r"names the texture of .*map2"):
-        author(stage, tmp_path, baked_change(stage, tmp_path, "diffuseColor"))
+    assert all(e.wins for e in author(stage, tmp_path, baked_change(stage, tmp_path, "diffuseColor")))
+    review = compose(tmp_path)
+    nodes = [UsdShade.Shader(review.GetPrimAtPath(f"/World/mtl/tex/{name}")) for name in ("map", "map2")]
+    mine, other = (n.GetInput("file").GetValueProducingAttributes()[0].Get().path for n in nodes)
+    assert mine.startswith("./look.textures/") and other == "./map.exr"

@@ -146,6 +146,9 @@ def _varied(
     warnings: list[str],
 ) -> MaterialChange:  # fmt: skip
     carrier = carrier_of(scene, material, change.targets, varying)
+    if carrier.why_not:  # the light that goes round moved it from where it could be stored
+        warnings.append(f"{scene.materials[material].path}: {carrier.why_not}; its change is written as its mean")
+        return change
     found = carry(scene, material, carrier, varying, folder, color, warnings)
     if isinstance(found, Baked):
         return replace(change, baked={carrier.input: found})

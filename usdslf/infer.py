@@ -197,13 +197,12 @@ def _with_alike(
 ) -> Answer:  # fmt: skip
     """The answer with the materials that change too, wholly or in part, where one of its strokes says `similar`."""
     pool = answer.pool
-    similar = [i for i in pool.strokes if painted[i].stroke.scope == "similar"]
-    if not similar or not answer.chosen.freed:
+    if not any(painted[i].stroke.scope == "similar" for i in pool.strokes) or not answer.chosen.freed:
         return answer
     taken = [a.pool for a in answers if a.pool != pool]
     leave = {pool.material, *(p.material for p in taken), *(m for p in taken for m in (*p.alike, *p.partly))}
     leave |= set(fixed_materials(evidence))
-    mine = [evidence[i] for i in similar]
+    mine = [evidence[i] for i in pool.strokes]  # all dabs that the change is known at, whatever their scope
     places = places_of_dabs(mine, pool.material)
     brush = float(np.mean([e.stroke.widths.mean() for e in mine]))
     reach = reach_of(places.position, 0.5 * brush)

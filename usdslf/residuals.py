@@ -20,8 +20,14 @@ from usdslf.tables import bilinear
 from usdslf.varying import Varying
 
 
-def varying_residual(answer: Answer, varying: Varying, painted: list[Painted], field: LightField) -> float:
-    """Returns the residual of a change that varies, as it is at each sample under the light of now."""
+def varying_residual(
+    answer: Answer, varying: Varying, painted: list[Painted], field: LightField, model: str = ""
+) -> float:
+    """Returns the residual of a change that varies, as it is at each sample under the light of now.
+
+    Args:
+        model: of reflection; "": that of the light field.
+    """
 
     def changed(p: Painted) -> tuple[NDArray, NDArray, NDArray, NDArray]:
         s = p.samples.surface
@@ -37,7 +43,7 @@ def varying_residual(answer: Answer, varying: Varying, painted: list[Painted], f
             f90 = f0 if answer.tables.is_metal else f90
         return d, f0, f90, rough
 
-    return _residual_of(answer, painted, field, changed, field.model)
+    return _residual_of(answer, painted, field, changed, model or field.model)
 
 
 def residual_as_written(answer: Answer, written: Scene, painted: list[Painted], field: LightField) -> float:
@@ -60,6 +66,8 @@ def residual_as_preview(answer: Answer, painted: list[Painted], field: LightFiel
 
     That is what a look layer holds: d = k_d, F0 = k_s, and the roughness whose GGX lobe is as wide.
     """
+    if answer.varying:
+        return varying_residual(answer, answer.varying, painted, field, "preview_surface")
     c = answer.chosen
 
     def changed(p: Painted) -> tuple[NDArray, NDArray, NDArray, NDArray]:

@@ -52,7 +52,7 @@ from usdslf.stylize import (
     stylize_light,
 )
 from usdslf.surroundings import find_surroundings
-from usdslf.usd.author import author_look, author_review_root
+from usdslf.usd.author import author_look, author_review_root, check_look_place
 from usdslf.usd.baked_files import textures_folder
 from usdslf.usd.edited import open_edited
 from usdslf.usd.preview_material import make_preview as make_preview_materials
@@ -262,6 +262,7 @@ class Session:
         lights = self.light_set
         said = [f"norm {norm}" if norm else "", options.in_words() if options else ""]
         self._solved_with, self.residual_as_preview = ", ".join(filter(None, said)), {}
+        self.edits, self.residual_as_written = [], {}
         with self._kept_field() as field:
             with self._step("evidence"):
                 painted = gather_strokes(active, self.scene, self.tracer, field, lights, self.warnings)
@@ -330,7 +331,7 @@ class Session:
         """
         other = Session(
             stage, self.frame, self.device, self.ocio, self.element_count, self.bounces, self.refine, self.model,
-            self._say,
+            self._say, self.made is not None,
         )  # fmt: skip
         if np.array_equal(other.scene.triangles.positions, self.scene.triangles.positions):
             shared = {
@@ -454,6 +455,7 @@ class Session:
         }
         if self.model == "phong":
             self._warn_of_phong()
+        check_look_place(self.shot, path)
         with self._step("author"):
             self.edits = author_look(
                 self.shot, self._with_textures(self.changes(mode), path, color), path, provenance, strokes_path,

@@ -2,6 +2,7 @@
 
     author_look(stage, edits, out_path, provenance=None, strokes_path=None, shot_path=None, ...)
         -> list[AuthoredEdit]                                 wins.py: each with what hides and what shows it
+    check_look_place(stage, out_path) -> None               before textures are baked for it
     author_review_root(path, look, strokes, shot) -> None     subLayers = [look, strokes, shot]
     why_not_editable(prim) -> str                             "" for what can be edited, else a sentence
 
@@ -26,7 +27,7 @@ from usdslf.edits import MaterialChange, material_change_to_input_edits
 from usdslf.errors import AuthorError, StageError
 from usdslf.usd.baked_files import drop_unused
 from usdslf.usd.change_writer import MODES, ChangeWriter
-from usdslf.usd.files import relative_path, write_layer
+from usdslf.usd.files import check_layer_place, relative_path, write_layer
 from usdslf.usd.kept import RECORD, added_by_hand, put_under, record_of, what_is_by_hand
 from usdslf.usd.look_layer import LookLayer, bound_relationship, preview_surface
 from usdslf.usd.notes import Notes
@@ -156,6 +157,13 @@ def _say_what_is_kept(by_hand: Sdf.Layer, lost: list[Sdf.Path], out: Path, said:
         else:
             notes.add(f"{{}} was added by hand to {out.name} and stays", path)
     said += notes.sentences()
+
+
+def check_look_place(stage: Usd.Stage, out_path: str | os.PathLike[str]) -> None:
+    """Raises AuthorError where a look cannot go, before textures are baked for it."""
+    check_layer_place(Path(out_path))
+    with quiet_usd():
+        _earlier_look(stage, Path(out_path))
 
 
 def author_review_root(

@@ -37,7 +37,7 @@ def drop_unused(earlier: Sdf.Layer, layer: Sdf.Layer, look: Path) -> list[str]:
     if not unused:
         return []
     for other in sorted(look.parent.iterdir()):
-        if other.suffix in _LAYERS and other.resolve() != look.resolve():
+        if other.suffix in _LAYERS and other.is_file() and other.resolve() != look.resolve():
             try:
                 unused -= _assets(Sdf.Layer.OpenAsAnonymous(str(other)), other.parent)
             except Tf.ErrorException:
@@ -48,7 +48,7 @@ def drop_unused(earlier: Sdf.Layer, layer: Sdf.Layer, look: Path) -> list[str]:
             file.unlink(missing_ok=True)
         except OSError as error:
             return [f"{file} is no longer used but cannot be deleted: {error.strerror or error}"]
-    if folder.is_dir() and not any(folder.iterdir()):
+    if folder.is_dir() and not any(folder.iterdir()) and not textures_folder(look).is_symlink():
         folder.rmdir()
     return []
 

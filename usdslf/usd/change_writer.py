@@ -13,6 +13,7 @@ Where to write: network.py for what drives an input, look_layer.py for instances
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -283,17 +284,16 @@ class ChangeWriter:
         for name, (kind, value) in values.items():
             texture = UsdShade.Shader(self.look.stage.GetPrimAtPath(node))
             attribute, path, others = input_place(texture, name) if texture else (None, node, [])
-            if others and copied.isEmpty:
-                users = ", ".join(others)
-                raise AuthorError(
-                    f"{path} names the texture of {users} too: give {node} a {name} of its own."
-                )
-            if not copied.isEmpty:
-                path = copied.AppendProperty(f"inputs:{name}")
-            written += self._put(path, kind, attribute.Get() if attribute else None, value, "texture")
-            if name == "file" and written:
-                spec = self.look.over(self._moved(path.GetPrimPath()), path.name).attributes[path.name]
+            own = (node if copied.isEmpty else copied).AppendProperty(f"inputs:{name}")
+            if others or not copied.isEmpty:
+                path = own
+            new = self._put(path, kind, attribute.Get() if attribute else None, value, "texture")
+            spec = self.look.over(self._moved(path.GetPrimPath()), path.name).attributes[path.name] if new else None
+            if spec and path == own and attribute and attribute.GetPath().GetPrimPath() != node:
+                spec.connectionPathList.ClearEditsAndMakeExplicit()  # from what others take their value from too
+            if spec and name == "file":
                 spec.colorSpace = baked.color_space
+            written += new
         return written
 
     def _new_texture(self, edit: InputEdit, baked: Baked) -> Sdf.Path:
@@ -323,7 +323,7 @@ class ChangeWriter:
             self.said.append(f"{self.original} is shown by shapes without points: its mean is written")
             plain_ = dataclasses.replace(edit, representation="constant", by_vertex=None)
             return self.write(plain_)
-        name, channels = f"slf:{edit.input}", len(by.after)
+        name, channels = self._free_primvar(f"slf:{edit.input}", gprims), len(by.after)
         reader = new_node_path(self.shader, f"slf_{edit.input}")
         spec = look.define(self._moved(reader), "Shader")
         info = Sdf.AttributeSpec(spec, "info:id", Names.Token, Sdf.VariabilityUniform, declaresCustom=False)
@@ -350,13 +350,13 @@ class ChangeWriter:
 
     def _map_primvar(self, edit: InputEdit) -> list[AuthoredEdit]:
         users = self.users if self.users is not None else users_of(self.look.stage, self.original)
-        name = f"slf:{edit.input}"
         reader, fallback = map_primvar(self.shader, edit)
         gprims = {p.GetParent() if p.IsA(UsdGeom.Subset) else p for p in users}
         found = {g: UsdGeom.PrimvarsAPI(g).FindPrimvarWithInheritance(edit.source) for g in gprims}
         values_of = {g: p.Get() if p and p.HasValue() else None for g, p in found.items()}
         # The fallback is what gprims without the primvar show, and nobody else.
         lacks_it = not users or any(values is None for values in values_of.values())
+        name = self._free_primvar(f"slf:{edit.input}", [g for g, values in values_of.items() if values is not None])
         written = self._put(*fallback, "primvar") if lacks_it else []
         path, kind, before = reader
         for gprim, values in values_of.items():
@@ -376,6 +376,15 @@ class ChangeWriter:
         if any(e.attribute.startswith("primvars:") for e in written):
             written += self._put(path, kind, before, name, "primvar")
         return written
+
+    def _free_primvar(self, name: str, gprims: Iterable[Usd.Prim]) -> str:
+        """A name that gprims have no primvar of yet in the look: other materials may show on parts of them."""
+        overs = [self.look.over(g.GetPath()) for g in gprims]
+        candidate, number = name, 1
+        while any(f"primvars:{candidate}" in over.attributes for over in overs):
+            number += 1
+            candidate = f"{name}_{number}"
+        return candidate
 
     def write_provenance(self) -> None:
         """Says on the Material which strokes changed it, from what to what, and how well it fits."""

@@ -2,6 +2,7 @@
 
     replacing(path) -> context manager of a temporary Path     renamed to `path` if the block ends well
     write_layer(layer, path) -> None                           a USD layer; same layer, same bytes
+    check_layer_place(path) -> None                            whether there can be one
     relative_path(target, folder) -> str                       "./..." with forward slashes
 """
 
@@ -28,10 +29,7 @@ def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
     """
     path = Path(path)
     folder = path.parent
-    if not folder.is_dir():
-        raise AuthorError(f"Cannot write {path}: there is no folder {folder}; create it first.")
-    if path.is_dir():
-        raise AuthorError(f"Cannot write {path}: it is a folder; give the name of a file.")
+    _check_place(path)
     # The suffix stays last, since it decides the format.
     temporary = folder / f".{path.stem}.{os.getpid()}{path.suffix}"
     try:
@@ -53,8 +51,7 @@ def write_layer(layer: Sdf.Layer, path: str | os.PathLike[str]) -> None:
         AuthorError: as `replacing`, or the suffix is none of USD's.
     """
     path = Path(path)
-    if path.suffix not in (".usda", ".usd", ".usdc"):
-        raise AuthorError(f"Cannot write {path}: USD layers end in .usda, .usd or .usdc.")
+    check_layer_place(path)
     with replacing(path) as temporary:
         # Export prints to stderr before it raises: try the place first.
         temporary.touch()
@@ -67,6 +64,20 @@ def write_layer(layer: Sdf.Layer, path: str | os.PathLike[str]) -> None:
     opened = Sdf.Layer.Find(str(path.resolve())) or Sdf.Layer.Find(str(path))
     if opened:
         opened.Reload(force=True)
+
+
+def check_layer_place(path: Path) -> None:
+    """Raises AuthorError where no layer can be: another suffix, no folder, or a folder itself."""
+    if path.suffix not in (".usda", ".usd", ".usdc"):
+        raise AuthorError(f"Cannot write {path}: USD layers end in .usda, .usd or .usdc.")
+    _check_place(path)
+
+
+def _check_place(path: Path) -> None:
+    if not path.parent.is_dir():
+        raise AuthorError(f"Cannot write {path}: there is no folder {path.parent}; create it first.")
+    if path.is_dir():
+        raise AuthorError(f"Cannot write {path}: it is a folder; give the name of a file.")
 
 
 def relative_path(target: str | os.PathLike[str], folder: str | os.PathLike[str]) -> str:
