@@ -11,7 +11,8 @@ import OpenImageIO as oiio
 import pytest
 from stage_parts import StageBuilder, TextureInput, rectangle, write_image
 from stage_parts import ball as stage_ball
-from varying_floor import surface_at
+from varying_floor import GREY, add_lamp, places, seen, surface_at
+from varying_floor import stroke as dabs
 
 from usdslf.camera_rays import project_points
 from usdslf.demo_shapes import ball, panel
@@ -174,6 +175,28 @@ def test_a_fixated_material_is_left_out(session: Session) -> None:
         session.scene, session.tracer, session.camera(), [[at_of(session, "like")]], 0.02, name="kept", tool="fixate"
     )
     assert set(solved(session, fixed, scope="similar")) == {"red"}
+
+
+def test_what_is_like_two_painted_materials_changes_once(tmp_path: Path) -> None:
+    """Three floors of nearly the same grey; the first and the second are painted in other colours."""
+    b = StageBuilder(tmp_path)
+    for i, (name, grey) in enumerate((("a", 0.4), ("b", 0.42), ("c", 0.41))):
+        look = b.material(name, **{**GREY, "diffuseColor": (grey,) * 3})
+        b.mesh(name, rectangle((-1, 0, 1 + 2.2 * i), (2, 0, 0), (0, 0, -2)), look)
+    add_lamp(b)
+    session = Session(str(b.save()), elements=300)
+    second = places() + np.array([0, 0, 2.2])
+    other = replace(
+        dabs(seen(second, (0.1, 0.2, 0.6))), name="stroke_0002", points=np.repeat(np.float32(second), 2, 0)
+    )
+    for s in (dabs(seen(places(), (0.6, 0.2, 0.1))), other):
+        session.add_stroke(replace(s, scope="similar"))
+    session.solve()
+    changes = {c.material.path[-1]: c.after.diffuse for c in session.changes()}
+    assert [c.material.path[-1] for c in session.changes()] == ["a", "b", "c"]
+    np.testing.assert_allclose(changes["c"], changes["a"] + 0.01, atol=1e-5)
+    edits = session.author(tmp_path / "look.usda")
+    assert len({(e.prim, e.attribute) for e in edits}) == len(edits) == 3
 
 
 def test_the_light_field_sees_the_change_of_what_is_alike(

@@ -114,7 +114,8 @@ def infer_changes(
         evidence = [p.evidence(field) for p in painted]
         answers = [_first_answer(p, evidence, painted, field, scene, options, choose, said) for p in pools]
     answers = [_or_nothing(a, painted, choose, said) for a in answers]
-    answers = [_with_alike(a, answers, evidence, painted, field, scene, similarity, said) for a in answers]
+    for i, a in enumerate(answers):  # what one change goes on to is taken for those that follow
+        answers[i] = _with_alike(a, answers, evidence, painted, field, scene, similarity, said)
     kept: list[Answer] | None = None
     kept_surface = original
     at, step, share = np.zeros_like(_changes(answers)), _changes(answers), 1.0
