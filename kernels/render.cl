@@ -342,33 +342,35 @@ __kernel void follow_wide_links(
  * In a window of the size of the interleaving tile every sample of the set occurs once, so a box is the right
  * shape: flat areas come out without any noise.  A neighbour counts where it shows the same material, lies in
  * the same plane and looks the same way; for specular light, where its mirror direction differs by less
- * than the lobe is wide, so that sharp reflections stay sharp.
+ * than the lobe is wide, so that sharp reflections stay sharp.  Where that is less than the window, a part of the tile
+ * would be left out, and the place in the tile would show as a pattern: there the tile is smaller, and so is the window.
  *
- * features (13): plane position 3, normal 3, mirror direction 3, alpha, tolerance of the plane, class (negative:
- * empty), weight (rays that were sent)
+ * features (15): plane position 3, normal 3, mirror direction 3, alpha, tolerance of the plane, class (negative: empty),
+ * weight (rays that were sent), samples on a side of the tile for specular light, how far mirror directions may differ
  * Illumination has COLUMNS columns of three: X, Y, A, B, coat.
  */
-#define FEATURES 13
+#define FEATURES 15
 #define COLUMNS 5
 
-/* 0: another surface; 1: diffuse light may be shared; 2: specular light too */
-inline int shared_light(__global const float *a, __global const float *b, const float lobe_share, const float normal_cosine)
+/* of a sample b that lies (u, v) samples away from a.  0: another surface; 1: diffuse light may be shared; 2: specular light too */
+inline int shared_light(__global const float *a, __global const float *b, const int u, const int v,
+                        const float normal_cosine)
 {
     if (a == b) return 2;
     float3 n = vload3(1, a);
     if (b[11] != a[11] || fabs(dot(vload3(0, b) - vload3(0, a), n)) > a[10] || dot(vload3(1, b), n) < normal_cosine)
         return 0;
+    int side = (int)a[13], before = side / 2;
+    if (min(u, v) < -before || max(u, v) >= side - before) return 1;
     float3 off = vload3(2, b) - vload3(2, a);
-    float wide = min(lobe_share * a[9], 0.15f);
-    return dot(off, off) > wide * wide || fabs(b[9] - a[9]) > 0.15f * a[9] ? 1 : 2;
+    return dot(off, off) > a[14] * a[14] || fabs(b[9] - a[9]) > 0.15f * a[9] ? 1 : 2;
 }
 
 __kernel void filter_light(
     const int width, const int height,  /* of the picture in samples */
     const int window,                   /* samples on a side */
-    const float lobe_share,             /* how far mirror directions may differ, in alphas */
     const float normal_cosine,          /* how far normals may differ */
-    __global const float *features,     /* (height, width, 13) */
+    __global const float *features,     /* (height, width, 15) */
     __global const float *colors,       /* (height, width, 9) d, F0, F90 */
     __global const float *light,        /* (height, width, 15) X, Y, A, B, coat */
     __global float *radiance)           /* (height, width, 3) out */
@@ -390,7 +392,7 @@ __kernel void filter_light(
         for (int u = x0; u <= x1; u++) {
             size_t q = (size_t)v * width + u;
             __global const float *b = features + q * FEATURES;
-            int share = shared_light(a, b, lobe_share, normal_cosine);
+            int share = shared_light(a, b, u - x, v - y, normal_cosine);
             if (share == 0) continue;
             __global const float *l = light + q * (3 * COLUMNS);
             float w = b[12];
@@ -412,10 +414,9 @@ __kernel void filter_light(
 __kernel void window_noise(
     const int width, const int height,
     const int window,
-    const float lobe_share,
     const float normal_cosine,
-    __global const float *features,     /* (height, width, 13) */
-    __global const uint *place,         /* (height, width) of each sample in the tile */
+    __global const float *features,     /* (height, width, 15) */
+    __global const uint *quarter,       /* (height, width) of its tile, in which each sample lies */
     __global const float *value,        /* (height, width, 2) luminance of diffuse and of specular light */
     __global float *noise)              /* (height, width, 3) out: mean, variance of the mean, samples of specular light */
 {
@@ -435,8 +436,8 @@ __kernel void window_noise(
     for (int v = y0; v <= y1; v++)
         for (int u = x0; u <= x1; u++) {
             size_t q = (size_t)v * width + u;
-            int share = shared_light(a, features + q * FEATURES, lobe_share, normal_cosine);
-            int k = place[q] * 4 / (window * window);
+            int share = shared_light(a, features + q * FEATURES, u - x, v - y, normal_cosine);
+            uint k = quarter[q];
             for (int g = 0; g < share; g++) {
                 float l = value[2 * q + g];
                 sum[g][k] += l;
@@ -450,7 +451,8 @@ __kernel void window_noise(
         float mean = (sum[g][0] + sum[g][1] + sum[g][2] + sum[g][3]) / n;
         float least = min(min(count[g][0], count[g][1]), min(count[g][2], count[g][3]));
         float naive = max(square[g] / n - mean * mean, 0.0f) / max(n - 1.0f, 1.0f);
-        if (least >= 0.125f * window * window) {
+        float side = g == 0 ? (float)window : min((float)window, a[13]);
+        if (least >= 0.125f * side * side) {
             float apart = 0.0f;
             for (int k = 0; k < 4; k++) {
                 float off = sum[g][k] / count[g][k] - mean;

@@ -22,14 +22,13 @@ from usdslf.camera_rays import camera_rays, pixel_size
 from usdslf.errors import InputError
 from usdslf.final_gather import FOOTPRINT, MAX_DEPTH, Gatherer, RadianceOfHits
 from usdslf.gpu.device import Device
-from usdslf.light_filter import TILE, LightFilter, morton_place
+from usdslf.light_filter import NEAR_TILE, TILE, LightFilter
 from usdslf.light_set import LightSet, brightest
 from usdslf.scene import F32, Camera, Light, Scene
 from usdslf.shading import ShadingPoints, reflect, shading_points
 from usdslf.surface import SurfacePoints, evaluate_surface
 from usdslf.visibility import RayTracer
 
-NEAR_TILE = 4  # the same for lights that have a place: their shadows are blurred by no more
 BAND = 300_000  # samples in a band
 LAYERS = 8  # see-through surfaces that a camera ray shows
 AOVS = {
@@ -168,13 +167,11 @@ class _View:
     def render_band(self, first: int, last: int, names: tuple[str, ...]) -> dict[str, F32]:
         """Renders rows of pixels first..last-1."""
         a = self.quality.antialias
-        border = -(-TILE // (2 * a))
+        border = -(-(TILE // 2 + 1) // a)
         low, high = max(first - border, 0), min(last + border, self.size[1])
         grid_width, grid_height = self.size[0] * a, (high - low) * a
         y, x = np.divmod(np.arange(grid_width * grid_height), grid_width)
         y += low * a
-        place = morton_place(x % TILE, y % TILE)
-        near_place = morton_place(x % NEAR_TILE, y % NEAR_TILE)
         # the samples of a pixel are rooks: no two share a row or a column; edges come out alike in all pixels
         at_x, at_y = x + (y % a + 0.5) / a, y + (a - 1 - x % a + 0.5) / a
         at = np.stack([at_x / grid_width, at_y / (self.size[1] * a)], -1)
@@ -192,9 +189,7 @@ class _View:
             seen = self._look(rows, origin, rays.direction, rays.limit - travelled, through, sums)
             if seen is None:
                 break
-            self._add_layer(
-                seen, layer, through, (place, near_place), (grid_width, grid_height), sums, travelled + rays.near
-            )
+            self._add_layer(seen, layer, through, low * a, (grid_width, grid_height), sums, travelled + rays.near)
             opacity = seen.surface.opacity
             open_ = np.flatnonzero(opacity < 1 - 1e-3)
             rows = seen.rows[open_]
@@ -238,21 +233,22 @@ class _View:
         seen: _Seen,
         layer: int,
         through: F32,
-        places: tuple[NDArray, NDArray],
+        first_row: int,
         grid: tuple[int, int],
         sums: dict[str, F32],
         travelled: F32,
     ) -> None:
         """Lights one layer of surfaces and adds it to the sums."""
         q, s = self.quality, seen.surface
-        place, near_place = (p[seen.rows] for p in places)
-        light = self.gatherer.gather(seen.points, place, near_place, q.rays, q.light_samples, self.seed)
         pixel = pixel_size(self.camera, seen.distance + travelled[seen.rows], self.size)
         light_filter = LightFilter(
-            self.gatherer.device, grid, seen.rows, seen.points, s.material, pixel, self.gatherer.center
-        )
+            self.gatherer.device, grid, seen.rows, seen.points, s.material, pixel, self.gatherer.center, q.rays,
+            q.antialias, first_row,
+        )  # fmt: skip
+        place = light_filter.place
+        light = self.gatherer.gather(seen.points, place, light_filter.near_place, q.rays, q.light_samples, self.seed)
         rest = light.exact + reflect(seen.points.colors, light.sampled) + s.emission
-        times, uncertain = light_filter.uncertain_points(light.direct + light.indirect, rest, place)
+        times, uncertain = light_filter.uncertain_points(light.direct + light.indirect, rest)
         if len(uncertain):
             more = self.gatherer.gather_more(
                 seen.points[uncertain], place[uncertain], q.rays, q.light_samples, times, self.seed + 5000

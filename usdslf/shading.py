@@ -23,6 +23,7 @@ from usdslf.visibility import RayTracer
 GROUP = 64  # work items of a group
 COLUMNS = 5  # X, Y, A, B, coat
 MIN_ALPHA = 4e-4  # sharper lobes drown in the rounding of half vectors
+QUARTERED_ALPHA = 0.1  # sharper lobes may be seen by a part of a tile's samples
 
 
 @dataclass(frozen=True)
@@ -71,12 +72,15 @@ def shading_points(
     f = ((1 - cosine) ** 5)[:, None]
     specular = luminance(surface.f0 + (surface.f90 - surface.f0) * f)
     diffuse = luminance(surface.diffuse)
-    # Chances in sixteenths: aligned runs of 16 points then hold every lobe as often as its chance says.
-    share = np.clip(np.round(16 * specular / np.maximum(specular + diffuse, 1e-6)) / 16, 3 / 16, 14 / 16)
+    alpha = np.maximum(surface.roughness**2, MIN_ALPHA)
+    # Chances in sixteenths: aligned runs of 16 points then hold every lobe as often as its chance says.  Sharp
+    # reflections are filtered over parts of a tile: quarters, which the 4 rays of each sample hold.
+    parts = np.where(alpha < QUARTERED_ALPHA, 4, 16)
+    share = np.round(parts * specular / np.maximum(specular + diffuse, 1e-6)) / parts
+    share = np.clip(share, np.where(parts == 4, 1 / 4, 3 / 16), np.where(parts == 4, 3 / 4, 14 / 16))
     share = np.where(diffuse > 1e-4 * specular, share, 1)
     coat_share = np.ceil(4 * surface.clearcoat) / 16
     specular_share = np.where(share < 1, np.round(16 * share * (1 - coat_share)) / 16, 1 - coat_share)
-    alpha = np.maximum(surface.roughness**2, MIN_ALPHA)
     coat_alpha = np.maximum(surface.clearcoat_roughness**2, MIN_ALPHA)
     lobes = np.stack([alpha, coat_alpha, specular_share, coat_share], -1)
     return ShadingPoints(
