@@ -64,6 +64,31 @@ def bind(prim: Usd.Prim, look: str) -> None:
     UsdShade.MaterialBindingAPI.Apply(prim).Bind(material)
 
 
+@pytest.mark.parametrize("kind", ["hidden", "curves"])
+def test_points_of_gprims_that_are_not_seen_are_left_alone(tmp_path: Path, kind: str) -> None:
+    b = StageBuilder(tmp_path)
+    look = b.material("floor", **GREY)
+    grid(b.stage, 33, look)
+    add_lamp(b)
+    if kind == "hidden":
+        other = UsdGeom.Mesh.Define(b.stage, "/World/other")
+        other.CreatePointsAttr([(0, 0, 0), (1, 0, 0), (0, 0, 1)])
+        other.CreateFaceVertexCountsAttr([3])
+        other.CreateFaceVertexIndicesAttr([0, 1, 2])
+        other.CreateVisibilityAttr("invisible")
+    else:
+        other = UsdGeom.BasisCurves.Define(b.stage, "/World/other")
+        other.CreatePointsAttr([(0, 0, 0), (1, 0, 0)])
+        other.CreateCurveVertexCountsAttr([2])
+    bind(other.GetPrim(), look)
+    session = solved(b.save(), stroke(seen(P, gradient(P))))
+    (edit,) = session.author(tmp_path / "look.usda")
+    assert (edit.prim, edit.attribute) == ("/World/floor", "primvars:slf:diffuseColor")
+    np.testing.assert_allclose(
+        surface_at(session.edited(tmp_path / "look.usda").scene, P).diffuse, gradient(P), atol=0.05
+    )
+
+
 def test_two_materials_on_one_mesh_have_values_of_their_own_at_its_points(tmp_path: Path) -> None:
     b, n = StageBuilder(tmp_path), 33
     looks = [b.material(name, **GREY) for name in ("left", "right")]

@@ -319,6 +319,7 @@ class ChangeWriter:
         look, by = self.look, edit.by_vertex
         users = self.users if self.users is not None else users_of(look.stage, self.original)
         gprims = [p.GetParent() if p.IsA(UsdGeom.Subset) else p for p in users]
+        gprims = [p for p in gprims if str(p.GetPath()) in self.change.targets]  # what is hidden shows the fallback
         if any(not p.IsA(UsdGeom.PointBased) for p in gprims):
             self.said.append(f"{self.original} is shown by shapes without points: its mean is written")
             plain_ = dataclasses.replace(edit, representation="constant", by_vertex=None)
