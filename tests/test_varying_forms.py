@@ -289,3 +289,21 @@ def test_a_term_on_a_texture_is_a_bias_or_a_texture_of_its_own(tmp_path: Path, t
     x = np.stack([np.linspace(-0.95, 0.95, 200), np.zeros(200), np.full(200, 0.83)], 1)  # also where nobody painted
     before, after = surface_at(session.scene, x).diffuse, surface_at(other.scene, x).diffuse
     assert np.abs(after - wanted(before)).mean() < 0.03 and after.max() <= 1
+
+
+def test_beside_a_texture_of_metal_only_what_is_no_metal_changes(tmp_path: Path) -> None:
+    """The strip that nobody painted is metal; metallic is driven, as in packed maps."""
+    metal = np.zeros((64, 64, 3), np.float32)
+    metal[:8] = 1  # the far eighth of the floor
+    write_image(tmp_path / "metal.exr", metal)
+    path = write_floor(
+        tmp_path, diffuseColor=(0.4, 0.4, 0.4), metallic=TextureInput("metal.exr"), roughness=ROUGHNESS
+    )  # fmt: skip
+    session, found = solved(path, stroke(seen(P, gradient(P))))
+    strip = np.array([(x, 0.0, -0.94) for x in (-0.5, 0.0, 0.5)])
+    assert surface_at(session.scene, strip).metallic.min() > 0.99 and surface_at(session.scene, P).metallic.max() < 0.01
+    assert found["varies"] and found["inferred"] == "diffuse", session.warnings
+    other = written(session, tmp_path / "look.usda")
+    np.testing.assert_allclose(texels(other), gradient(P), atol=0.06)
+    np.testing.assert_allclose(surface_at(other.scene, strip).f0, 0.4, atol=0.005)
+    np.testing.assert_allclose(surface_at(other.scene, strip).diffuse, 0, atol=0.005)

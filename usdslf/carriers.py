@@ -29,6 +29,7 @@ from usdslf.scene import F64, Material, Scene, Texture
 from usdslf.workflow import NATURAL_IOR, ior_for, normal_reflectance
 
 METAL, DIELECTRIC = 0.999, 0.001
+MOSTLY = 0.1  # metallic of a texture below which what was painted counts as a dielectric
 BETWEEN_POINTS = 0.2  # of the range of a change, that it may be off between points
 TOO_COARSE = "its points are too far apart to hold the change"
 FIELDS = {
@@ -89,7 +90,7 @@ def carrier_of(scene: Scene, material: int, targets: Sequence[str], varying: Var
     if targets:
         shown &= np.array([mesh.path in targets for mesh in scene.meshes])[table.mesh]
     triangles = np.flatnonzero(shown)
-    name, why = _input_of(m, varying)
+    name, why = _input_of(m, varying, _metallic(scene, m, triangles, varying))
     if why:
         return Carrier(why_not=why)
     value = getattr(m, FIELDS[name])
@@ -139,9 +140,25 @@ def carry(
     )
 
 
-def _input_of(m: Material, v: Varies) -> tuple[str, str]:
+def _metallic(scene: Scene, m: Material, triangles: NDArray, v: Varies) -> tuple[float, float]:
+    """Least and greatest metallic of where a change is known; what drives it is looked at."""
+    if isinstance(m.metallic, np.ndarray):
+        return float(m.metallic[0]), float(m.metallic[0])
+    if m.use_specular_workflow or v.is_even or not len(triangles):
+        return 0.0, 1.0
+    near = nearest_on_triangles(scene.triangles.positions[triangles], v.places.position)
+    seen = places_at(scene, triangles[near.triangle].astype(np.int32), near.barycentric.astype(np.float32)).metallic
+    assert seen is not None
+    low, high = float(seen.min()), float(seen.max())
+    return (0.0 if high < MOSTLY else low), (1.0 if low > 1 - MOSTLY else high)  # dust in a texture is no metal
+
+
+def _input_of(m: Material, v: Varies, metallic_range: tuple[float, float]) -> tuple[str, str]:
     """The input that says the change alone, or the reason why there is none."""
-    metallic = float(m.metallic[0]) if isinstance(m.metallic, np.ndarray) else None
+    low, high = metallic_range
+    is_driven = not isinstance(m.metallic, np.ndarray)
+    metallic = 0.0 if low <= DIELECTRIC and high < MOSTLY else 1.0 if high >= METAL and low > 1 - MOSTLY else None
+    metallic = metallic if is_driven else low
     is_dielectric = m.use_specular_workflow or (metallic is not None and metallic <= DIELECTRIC)
     if v.parameter == "glossiness":
         return "roughness", ""
@@ -158,8 +175,10 @@ def _input_of(m: Material, v: Varies) -> tuple[str, str]:
         highest = (v.places.reflectance[:, 3:6] + v.of_dabs()).max()
         is_coated = not isinstance(m.clearcoat, np.ndarray) or float(m.clearcoat[0]) > 0
         is_natural = highest <= normal_reflectance(NATURAL_IOR) and not is_coated
+        if is_driven and not (v.is_grey and is_natural and isinstance(m.ior, np.ndarray)):
+            return "", "a texture drives its metallic: the specular workflow would not show that"
         return ("ior" if v.is_grey and is_natural else "specularColor"), ""
-    return "", f"its metallic is {'driven' if metallic is None else f'{metallic:g}'}: no one input says it"
+    return "", f"its metallic is {f'{low:g} to {high:g}' if low < high else f'{low:g}'}: no one input says it"
 
 
 def _is_used(m: Material, name: str) -> bool:
@@ -177,6 +196,8 @@ def _base(m: Material, name: str) -> F64:
 def input_values(m: Material, name: str, v: Varies, x: Places) -> tuple[F64, F64]:
     """Returns the values (k, C) of an input at places, before and after a change."""
     change = v.at(x)
+    if not isinstance(m.metallic, np.ndarray) and name in ("diffuseColor", "ior") and not m.use_specular_workflow:
+        return _beside_driven_metallic(m, name, v, x, change)
     if name == "roughness":
         rough = np.asarray(x.reflectance[:, 6:7], np.float64)
         return rough, rough + change
@@ -190,6 +211,18 @@ def input_values(m: Material, name: str, v: Varies, x: Places) -> tuple[F64, F64
     if name == "ior":
         return ior_for(f0[:, :1]), ior_for((f0 + change)[:, :1])
     return f0, f0 + change
+
+
+def _beside_driven_metallic(m: Material, name: str, v: Varies, x: Places, change: F64) -> tuple[F64, F64]:
+    """The values where a texture says what is metal: a colour changes for its own kind of surface only."""
+    assert x.base_color is not None and x.metallic is not None
+    if name == "ior":
+        assert isinstance(m.ior, np.ndarray)
+        before = np.full((len(x), 1), float(m.ior[0]))
+        return before, ior_for(normal_reflectance(float(m.ior[0])) + change[:, :1])
+    share = x.metallic[:, None].astype(np.float64)
+    before = x.base_color.astype(np.float64)
+    return before, np.clip(before + change * (1 - share if v.parameter == "diffuse" else share), 0, 1)
 
 
 # ---- points ------------------------------------------------------------------------------------

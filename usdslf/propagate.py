@@ -53,19 +53,22 @@ class Places:
     position: NDArray  # (n, 3)
     normal: NDArray  # (n, 3) unit
     reflectance: NDArray  # (n, 7) d, F0, roughness
+    base_color: NDArray | None = None  # (n, 3) diffuseColor, where it was looked at
+    metallic: NDArray | None = None  # (n,)
 
     def __len__(self) -> int:
         return len(self.position)
 
     def rows(self, rows: NDArray | slice) -> Places:
         """Returns some of the places."""
-        return Places(self.position[rows], self.normal[rows], self.reflectance[rows])
+        inputs = (None if x is None else x[rows] for x in (self.base_color, self.metallic))
+        return Places(self.position[rows], self.normal[rows], self.reflectance[rows], *inputs)
 
 
 def places_of(surface: SurfacePoints) -> Places:
     """Takes what similarity looks at from points on surfaces."""
     reflectance = np.concatenate([surface.diffuse, surface.f0, surface.roughness[:, None]], 1)
-    return Places(surface.position, surface.geometric_normal, reflectance)
+    return Places(surface.position, surface.geometric_normal, reflectance, surface.base_color, surface.metallic)
 
 
 def places_at(scene: Scene, triangle: NDArray, barycentric: NDArray) -> Places:
@@ -73,16 +76,16 @@ def places_at(scene: Scene, triangle: NDArray, barycentric: NDArray) -> Places:
     return places_of(evaluate_surface(scene, triangle, barycentric, normal_maps=False))
 
 
-def similarity(x: Places, y: Places, reach: float, weights: Weights | None = None) -> F64:
+def similarity(x: Places, y: Places, reach: ArrayLike, weights: Weights | None = None) -> F64:
     """Returns s (n, m) of each place of x to each of y, 0..1.
 
     Args:
-        reach: l [stage units].
+        reach: l, one for all or (n,) [stage units].
     """
     w = weights or Weights()
     middle = y.position.mean(0, dtype=np.float64)  # products about the origin would lose what is far from it
     s = _squares(x.position - middle, y.position - middle)
-    s /= reach**2
+    s /= np.square(np.asarray(reach, np.float64)).reshape(-1, 1)
     s += 1
     np.divide(w.position, s, out=s)
     other = _squares(x.reflectance, y.reflectance)
@@ -107,7 +110,7 @@ def _squares(a: NDArray, b: NDArray) -> F64:
 def most_similar(x: Places, painted: Places, reach: float, weights: Weights | None = None) -> F64:
     """Returns the similarity (n,) of each place to the painted one that is most like it; 0 where none is painted."""
     out = np.zeros(len(x))
-    for rows in _blocks(len(x), len(painted)):
+    for rows in blocks(len(x), len(painted)):
         out[rows] = similarity(x.rows(rows), painted, reach, weights).max(1)
     return out
 
@@ -123,7 +126,7 @@ def propagate(
     known = np.asarray(values, np.float64)
     known = known[:, None] if known.ndim == 1 else known
     out = np.zeros((len(x), known.shape[1]))
-    for rows in _blocks(len(x), len(painted)):
+    for rows in blocks(len(x), len(painted)):
         s = similarity(x.rows(rows), painted, reach, weights)
         k = np.square(np.square(s))
         out[rows] = (k @ known) / np.maximum(k.sum(1, keepdims=True), 1e-30)
@@ -152,7 +155,8 @@ def reach_of(position: NDArray, least: float) -> float:
     return max(float(np.median(apart.min(1))), least)
 
 
-def _blocks(n: int, m: int) -> list[slice]:
+def blocks(n: int, m: int) -> list[slice]:
+    """Returns slices of n places, so many at a time as pair with m places within the cache."""
     if not m:
         return []
     step = max(BLOCK * 16 // m, 1)

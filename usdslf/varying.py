@@ -10,7 +10,8 @@ Planes, unlike means, leave a gradient as it is up to its ends (Cleveland 1979).
 in roughness: there q* follows from the tangent, again and again (Gauss and Newton), from the best of even steps on.
 Its freedoms are the trace of that smoother (Hastie and Tibshirani 1990); it competes with the constant answers by the
 same cost, plus Options.variation: an uneven hand drifts and tints too, and that is no wish.  Between and beyond the
-dabs the planes are blended by similarity (propagate.py), within the range of what the dabs have.
+dabs the planes are blended by similarity (propagate.py), within the range of what the dabs have; far from them as at
+their rim.
 
 Source: Nguyen et al. 2013, 4.3 and 5.3; Schwarz 1978.
 """
@@ -23,7 +24,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from usdslf.evidence import Evidence, mean_by
-from usdslf.propagate import Places, Weights, propagate, reach_of
+from usdslf.propagate import Places, Weights, blocks, gate, reach_of, similarity
 from usdslf.scene import F64
 from usdslf.solve import Candidate, Options, refit, relative_error, score
 from usdslf.tables import Tables
@@ -35,6 +36,7 @@ LEAST_STEP = 0.04  # of a reflectance or roughness, between dabs, for a change t
 NEAR = Weights(position=4.0, normal=0.5, reflectance=1.0)  # between dabs, the nearest decide
 HOPELESS, NEARER = 0.35, 0.4  # relative error of a constant, and share of it that is left, to vary at any cost
 OVER_TEXTURE = 10.0  # cost of a texture that is painted over
+LEADS = 0.25  # lengths beyond the dabs that a gradient goes on
 DARKEST = 0.02  # reflectance that a factor can be told from
 NEWTON, LONGEST_STEP = 6, 0.15  # rounds for roughness, and how far one goes
 COLUMNS = {"diffuse": slice(0, 3), "specular": slice(3, 6), "glossiness": slice(6, 7)}  # of Places.reflectance
@@ -62,15 +64,26 @@ class Varying:
 
     def at(self, x: Places) -> F64:
         """Returns the change of the parameter (k, 3), of roughness (k, 1), at places, held to what is possible."""
-        n, channels = self.q.shape
-        at_origin = self.q - np.einsum("nca,na->nc", self.slope, self.places.position)
-        planes = np.concatenate([at_origin, self.slope.reshape(n, -1), np.ones((n, 1))], 1)
-        blend = propagate(x, self.places, planes, self.reach, self.weights, gated=self.is_gated)
-        opened = blend[:, -1:]  # how far the gate is open
-        slope = blend[:, channels:-1].reshape(-1, channels, 3)
-        q = blend[:, :channels] + np.einsum("kca,ka->kc", slope, x.position.astype(np.float64))
-        q = np.clip(q / np.maximum(opened, 1e-12), self.q.min(0), self.q.max(0))
-        return (_changed(self, q, _value(self, x)) - _value(self, x)) * opened
+        out = np.empty((len(x), 1 if self.parameter == "glossiness" else 3))
+        for rows in blocks(len(x), len(self.places)):
+            out[rows] = self._at(x.rows(rows))
+        return out
+
+    def _at(self, x: Places) -> F64:
+        channels = self.q.shape[1]
+        way = x.position.astype(np.float64)[:, None] - self.places.position
+        far = np.linalg.norm(way, axis=2)
+        # beyond the dabs, the next ones decide as they do among them, and their planes lead on only so far
+        off = far.min(1)
+        s = similarity(x, self.places, self.reach if self.is_gated else np.maximum(self.reach, off), self.weights)
+        k = np.square(np.square(s))
+        k /= np.maximum(k.sum(1, keepdims=True), 1e-30)
+        leads = np.exp(-0.5 * np.square(np.maximum(off - self.reach, 0) / (LEADS * self.length)))
+        way *= (k * leads[:, None])[..., None]
+        q = k @ self.q + way.reshape(len(x), -1) @ self.slope.transpose(0, 2, 1).reshape(-1, channels)
+        q = np.clip(q, self.q.min(0), self.q.max(0))
+        change = _changed(self, q, _value(self, x)) - _value(self, x)
+        return change * gate(s.max(1))[:, None] if self.is_gated else change
 
     def of_dabs(self) -> F64:
         """Returns the change of the parameter (n, 3), of roughness (n, 1), at the dabs themselves."""
