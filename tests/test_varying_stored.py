@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from pxr import Sdf, Usd, UsdGeom, UsdShade, Vt
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, Vt
 from stage_parts import StageBuilder, TextureInput, rectangle, write_image
 from varying_floor import (
     GREY,
@@ -139,6 +139,25 @@ def test_dabs_of_another_scope_on_the_same_material_are_known_places_too(tmp_pat
     np.testing.assert_array_equal(surface_at(other.scene, blue).diffuse, surface_at(session.scene, blue).diffuse)
 
 
+@pytest.mark.parametrize(("scale", "varies"), [(2.0, False), (-1.0, True)])
+def test_a_texture_that_its_transform_repeats_cannot_hold_it(tmp_path: Path, scale: float, varies: bool) -> None:
+    write_image(tmp_path / "grey.png", np.full((64, 64, 3), 0.7))
+    path = write_floor(tmp_path, **{**GREY, "diffuseColor": TextureInput("grey.png")})
+    stage = Usd.Stage.Open(str(path))
+    texture = UsdShade.Shader(stage.GetPrimAtPath("/World/mtl/floor/diffuseColor_texture"))
+    turn = UsdShade.Shader.Define(stage, "/World/mtl/floor/turn")
+    turn.CreateIdAttr("UsdTransform2d")
+    turn.CreateInput("scale", Sdf.ValueTypeNames.Float2).Set(Gf.Vec2f(scale, scale))
+    turn.CreateInput("in", Sdf.ValueTypeNames.Float2).ConnectToSource(
+        UsdShade.Shader(stage.GetPrimAtPath("/World/mtl/floor/st")).GetOutput("result")
+    )
+    texture.GetInput("st").ConnectToSource(turn.CreateOutput("result", Sdf.ValueTypeNames.Float2))
+    stage.Save()
+    session = solved(path, stroke(seen(P, gradient(P))))
+    assert (session.answers[0].varying is not None) == varies
+    assert any("st lie upon each other or outside" in w for w in session.warnings) != varies
+
+
 @pytest.mark.parametrize("shared", ["wrap", "file", "channel"])
 def test_what_an_interface_gives_to_several_textures_stays_for_the_others(tmp_path: Path, shared: str) -> None:
     """Roughness by g and metallic by b of one file, which the material names once."""
@@ -264,6 +283,27 @@ def test_the_written_look_is_measured_beside_the_other_new_materials(tmp_path: P
     assert found["residual_as_written"] < 1.3 * found["residual_after"], found
 
 
+@pytest.mark.parametrize("harm", ["damaged", "zero"])
+def test_over_a_texture_that_shows_nothing_it_is_constant(tmp_path: Path, harm: str) -> None:
+    write_image(tmp_path / "grey.png", np.full((64, 64, 3), 0.7))
+    path = write_floor(tmp_path, **{**GREY, "diffuseColor": TextureInput("grey.png")})
+    stage, names = Usd.Stage.Open(str(path)), Sdf.ValueTypeNames
+    texture = UsdShade.Shader(stage.GetPrimAtPath("/World/mtl/floor/diffuseColor_texture"))
+    if harm == "damaged":
+        (tmp_path / "grey.png").write_bytes(b"no image")
+        texture.CreateInput("fallback", names.Float4).Set(Gf.Vec4f(0.4, 0.4, 0.4, 1))
+    else:
+        texture.CreateInput("scale", names.Float4).Set(Gf.Vec4f(0, 0, 0, 1))
+        texture.CreateInput("bias", names.Float4).Set(Gf.Vec4f(0.4, 0.4, 0.4, 0))
+    stage.Save()
+    session = solved(path, stroke(seen(P, gradient(P))))
+    (said,) = [w for w in session.warnings if "cannot be stored" in w]
+    assert ("grey.png cannot be read" if harm == "damaged" else "scales its texels by zero") in said
+    session.author(tmp_path / "look.usda")
+    shown = surface_at(session.edited(tmp_path / "look.usda").scene, P).diffuse
+    np.testing.assert_allclose(shown, np.tile(session.answers[0].after["diffuse"], (len(P), 1)), atol=0.01)
+
+
 def test_a_look_that_cannot_be_leaves_no_textures(tmp_path: Path) -> None:
     shot = write_floor(tmp_path)
     session = solved(shot, stroke(seen(P, gradient(P))))
@@ -272,3 +312,13 @@ def test_a_look_that_cannot_be_leaves_no_textures(tmp_path: Path) -> None:
         with pytest.raises(AuthorError):
             session.author(place)
     assert sorted(tmp_path.iterdir()) == before
+
+
+@pytest.mark.parametrize("texels", [1, 8])
+def test_a_texture_of_few_texels_gets_more(tmp_path: Path, texels: int) -> None:
+    write_image(tmp_path / "grey.png", np.full((texels, texels, 3), 0.7))
+    path = write_floor(tmp_path, **{**GREY, "diffuseColor": TextureInput("grey.png")})
+    session = solved(path, stroke(seen(P, gradient(P))))
+    session.author(tmp_path / "look.usda")
+    other = session.edited(tmp_path / "look.usda")
+    np.testing.assert_allclose(surface_at(other.scene, P).diffuse, gradient(P), atol=0.05)

@@ -23,6 +23,7 @@ from usdslf.bake import Baked, bake_texture, plain_texture
 from usdslf.color import Color
 from usdslf.edits import ByVertex
 from usdslf.flat_coordinates import common_sets, lies_flat
+from usdslf.images import files_of, load_texture, why_unreadable
 from usdslf.nearest import nearest_on_triangles
 from usdslf.propagate import Places, places_at
 from usdslf.scene import F64, Material, Scene, Texture
@@ -30,6 +31,7 @@ from usdslf.workflow import NATURAL_IOR, ior_for, normal_reflectance
 
 METAL, DIELECTRIC = 0.999, 0.001
 MOSTLY = 0.1  # metallic of a texture below which what was painted counts as a dielectric
+FEW_TEXELS, ENOUGH_TEXELS = 64, 256  # on a side, to hold what varies
 BETWEEN_POINTS = 0.2  # of the range of a change, that it may be off between points
 TOO_COARSE = "its points are too far apart to hold the change"
 FIELDS = {
@@ -99,9 +101,13 @@ def carrier_of(scene: Scene, material: int, targets: Sequence[str], varying: Var
     if not isinstance(value, (Texture, np.ndarray)):
         return Carrier(why_not=f"a primvar drives its {name}")
     uv_set = value.uv_set if isinstance(value, Texture) else next(iter(common_sets(scene, triangles)), "")
-    if uv_set and (varying.is_even or lies_flat(scene, triangles, uv_set)):
+    texture = value if isinstance(value, Texture) else None
+    if texture and (why := _why_not_baked(texture)):
+        return Carrier(why_not=why)
+    if uv_set and (varying.is_even or lies_flat(scene, triangles, uv_set, texture)):
         return Carrier(name, uv_set, triangles)
-    flat = f"its texture coordinates {uv_set} lie upon each other" if uv_set else "it has no texture coordinates"
+    flat = f"its texture coordinates {uv_set} lie upon each other or outside of 0..1"
+    flat = flat if uv_set else "it has no texture coordinates"
     why = _why_not_points(scene, triangles, varying)
     if isinstance(value, Texture):
         why = f"a texture drives its {name}"
@@ -134,7 +140,7 @@ def carry(
         return after - (before if base is None else base)
 
     stem = f"{m.path.rsplit('/', 1)[-1]}_{name}"
-    size = None if isinstance(value, Texture) else size
+    size = _room(value, color, varying) if isinstance(value, Texture) else size
     return bake_texture(
         scene, texture, carrier.triangles, delta, folder, stem, size=size, color=color, warnings=warnings
     )
@@ -179,6 +185,25 @@ def _input_of(m: Material, v: Varies, metallic_range: tuple[float, float]) -> tu
             return "", "a texture drives its metallic: the specular workflow would not show that"
         return ("ior" if v.is_grey and is_natural else "specularColor"), ""
     return "", f"its metallic is {f'{low:g} to {high:g}' if low < high else f'{low:g}'}: no one input says it"
+
+
+def _why_not_baked(t: Texture) -> str:
+    """Why no texture can take the place of one that is there; "" where it can."""
+    if any(abs(t.scale["rgba".index(c)]) < 1e-6 for c in t.channels):
+        return f"{t.prim} scales its texels by zero"
+    if t.path and all(why_unreadable(file) for file in files_of(t)):
+        return f"{t.path} cannot be read"
+    return ""
+
+
+def _room(t: Texture, color: Color, v: Varies) -> tuple[int, int] | None:
+    """Size of the texture that takes the place of one whose few texels cannot hold what varies; None: its own."""
+    shapes = [image.shape for image in load_texture(t, color).values()]
+    longest = max((max(s[:2]) for s in shapes), default=FEW_TEXELS)
+    if v.is_even or longest >= FEW_TEXELS:
+        return None
+    times = -(-ENOUGH_TEXELS // longest)
+    return shapes[0][1] * times, shapes[0][0] * times
 
 
 def _is_used(m: Material, name: str) -> bool:

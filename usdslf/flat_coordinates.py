@@ -1,7 +1,7 @@
 """Flat coordinates: texture coordinates that a texture can be painted in, each place in a texel of its own.
 
     common_sets(scene, triangles) -> names       coordinates that all meshes of some triangles have
-    lies_flat(scene, triangles, uv_set) -> bool  whether no triangle lies upon another there
+    lies_flat(scene, triangles, uv_set, ...) -> bool         whether no triangle lies upon another there
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from usdslf.scene import Scene
+from usdslf.scene import Scene, Texture
 from usdslf.texel_cover import texel_points
 
 GRID = 128  # texels on a side that tell whether triangles lie upon each other
@@ -23,15 +23,29 @@ def common_sets(scene: Scene, triangles: NDArray) -> list[str]:
     return sorted(common, key=lambda name: (name != "st", name))
 
 
-def lies_flat(scene: Scene, triangles: NDArray, uv_set: str) -> bool:
-    """Whether triangles lie within 0..1 of their texture coordinates, each beside the others and none without area."""
+def lies_flat(scene: Scene, triangles: NDArray, uv_set: str, texture: Texture | None = None) -> bool:
+    """Whether triangles lie within 0..1 of their texture coordinates, each beside the others and none without area.
+
+    Args:
+        texture: whose transform and wrap modes bring them to their texels; None: a new one.
+    """
     uv = scene.corner_uvs(uv_set)[triangles].astype(np.float64)
     if not np.isfinite(uv).all() or uv.min() < -1e-3 or uv.max() > 1 + 1e-3:
         return False
-    hits = np.zeros(GRID * GRID, np.int64)
-    for points in texel_points(uv, GRID, GRID, "clamp", "clamp"):
-        np.add.at(hits, points.y * GRID + points.x, 1)
+    wraps = ("clamp", "clamp")
+    if texture is not None:
+        m = np.asarray(texture.st_from_uv, np.float64)
+        uv, wraps = uv @ m[:2, :2].T + m[:2, 2], (texture.wrap_s, texture.wrap_t)
+        ends = [uv[..., i] for i in (0, 1) if wraps[i] not in ("repeat", "mirror")]
+        if any(x.min() < -1e-3 or x.max() > 1 + 1e-3 for x in ends):
+            return False
     a, b = uv[:, 1] - uv[:, 0], uv[:, 2] - uv[:, 0]
+    twice = np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
+    if twice.sum() > 2 * (1 + OVERLAP):  # more than one image has room for
+        return False
+    hits = np.zeros(GRID * GRID, np.int64)
+    for points in texel_points(uv, GRID, GRID, *wraps):
+        np.add.at(hits, points.y * GRID + points.x, 1)
     area = scene.triangles.areas[triangles]
-    collapsed = area[np.abs(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]) < 1e-10].sum()
+    collapsed = area[twice < 1e-10].sum()
     return bool(collapsed <= OVERLAP * area.sum() and (hits > 1).sum() < OVERLAP * max((hits > 0).sum(), 1))
