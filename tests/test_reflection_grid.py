@@ -82,7 +82,7 @@ def test_a_mirror_floor_shows_no_grid(device: Device, roughness: float) -> None:
     truth = [mirrored(e, roughness) for e in to_eye[at].reshape(-1, 3)]
     np.testing.assert_allclose(value[at].ravel(), truth, rtol=0.006)
     grid, beside = grid_and_rest(value)
-    assert grid < 1e-5 + 3 * beside
+    assert grid < 2e-5 + 3 * beside, (grid, beside)
 
 
 @pytest.mark.parametrize(("roughness", "most"), [(0.05, 0.0045), (0.12, 0.0003)])

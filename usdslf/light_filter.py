@@ -25,7 +25,7 @@ from usdslf.shading import ShadingPoints, reflect
 TILE = 8  # samples on a side that share one low-discrepancy set
 NEAR_TILE = 4  # the same for lights that have a place: their shadows are blurred by no more
 LOBE_SHARE = 1.0  # mirror directions may differ by this many alphas, but no more than WIDEST
-FLAT_SHARE = 1.5  # the same for flat surfaces
+FLAT_SHARE = 3.0  # the same for flat surfaces, whose tiles are whole: few rays would be wrong alike in all pixels
 WIDEST = 0.15
 FLAT = 0.25  # change of the normal, of that of the mirror direction, below which a surface is flat
 SMALLEST_SET = 16  # points of a sequence: fewer do not hold every lobe as often as its chance says
@@ -77,6 +77,7 @@ class LightFilter:
         may_shrink = only_specular & is_flat
         tile = np.where(may_shrink, tiles_within(wide / np.maximum(step, 1e-9), min(least, TILE)), TILE)
         self._features[rows, SIDE], self._features[rows, WIDE] = tile, wide
+        self._mirrors = np.flatnonzero(may_shrink & (wide < WIDEST))
         y, x = np.divmod(rows, grid[0])
         y += first_row
         near = np.minimum(tile, NEAR_TILE)
@@ -112,7 +113,7 @@ class LightFilter:
         alone = (count < TILE) & (value[:, 1] > 0.1 * whole)  # sharp reflections: nothing to judge by
         error = np.where(alone, np.maximum(error, 2 * NOISE), error)
         # What few samples are wrong by is alike in the whole of a flat mirror: a part with more of them would show.
-        at = np.flatnonzero(self._features[self._rows, SIDE] < TILE)
+        at = self._mirrors
         _, mirror = np.unique(self._features[self._rows[at], CLASS], return_inverse=True)
         error[at] = np.sqrt(np.bincount(mirror, error[at] ** 2) / np.maximum(np.bincount(mirror), 1))[mirror]
         return worst_tiles(error, self._rows, self._grid, 1 if (error[at] > NOISE).any() else 2)
