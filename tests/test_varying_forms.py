@@ -307,3 +307,31 @@ def test_beside_a_texture_of_metal_only_what_is_no_metal_changes(tmp_path: Path)
     np.testing.assert_allclose(texels(other), gradient(P), atol=0.06)
     np.testing.assert_allclose(surface_at(other.scene, strip).f0, 0.4, atol=0.005)
     np.testing.assert_allclose(surface_at(other.scene, strip).diffuse, 0, atol=0.005)
+
+
+def test_a_tiled_set_holds_what_varies(tmp_path: Path) -> None:
+    """The floor as two faces, one in each of two UDIM tiles."""
+    for tile, shade in (("1001", 0.6), ("1002", 0.75)):
+        write_image(tmp_path / f"floor.{tile}.png", np.full((64, 64, 3), shade, np.float32))
+    b = StageBuilder(tmp_path)
+    look = b.material("floor", **{**GREY, "diffuseColor": TextureInput("floor.<UDIM>.png")})
+    mesh = UsdGeom.Mesh.Define(b.stage, "/World/floor")
+    mesh.CreatePointsAttr([(x, 0, z) for z in (1, -1) for x in (-1, 0, 1)])
+    mesh.CreateFaceVertexCountsAttr([4, 4])
+    mesh.CreateFaceVertexIndicesAttr([0, 1, 4, 3, 1, 2, 5, 4])
+    mesh.CreateSubdivisionSchemeAttr("none")
+    st = UsdGeom.PrimvarsAPI(mesh).CreatePrimvar("st", Sdf.ValueTypeNames.TexCoord2fArray, "faceVarying")
+    st.Set([(0, 0), (1, 0), (1, 1), (0, 1), (1, 0), (2, 0), (2, 1), (1, 1)])
+    UsdShade.MaterialBindingAPI.Apply(mesh.GetPrim()).Bind(UsdShade.Material(b.stage.GetPrimAtPath(look)))
+    add_lamp(b)
+    session, found = solved(b.save(), stroke(seen(P, gradient(P))))
+    assert found["varies"], session.warnings
+    np.testing.assert_allclose(texels(written(session, tmp_path / "look.usda")), gradient(P), atol=0.06)
+    files = sorted(f.name.split(".")[-2] for f in textures_folder(tmp_path / "look.usda").iterdir())
+    assert files == ["1001", "1002"]
+
+
+def test_a_stroke_that_is_not_finite_is_refused(tmp_path: Path) -> None:
+    session = usdslf.open(str(write_floor(tmp_path)), elements=400)
+    with pytest.raises(StrokeError, match="not finite"):
+        session.add_stroke(stroke(np.full((len(P), 3), np.nan)))

@@ -230,7 +230,12 @@ class Session:
     # ── strokes ────────────────────────────────────────────────────────────────────────────────
 
     def add_stroke(self, stroke: Stroke) -> None:
-        """Adds a stroke, or replaces the one of the same name."""
+        """Adds a stroke, or replaces the one of the same name.
+
+        Raises: StrokeError for numbers that are not finite.
+        """
+        if not all(np.isfinite(x).all() for x in (stroke.points, stroke.widths, stroke.colors, stroke.eye)):
+            raise StrokeError(f"{stroke.path} has points, widths, colours or eyes that are not finite; paint it again")
         self.strokes = [s for s in self.strokes if s.name != stroke.name] + [stroke]
         self.answers, self.edits = [], []
 
