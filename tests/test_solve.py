@@ -104,6 +104,7 @@ def surface_points(n: int, look: Look, position: np.ndarray) -> SurfacePoints:
         "f0": look.f0,
         "f90": look.f90,
         "roughness": look.roughness,
+        "opacity": 1.0,
     }
     vectors = {
         "position",

@@ -335,3 +335,13 @@ def test_a_stroke_that_is_not_finite_is_refused(tmp_path: Path) -> None:
     session = usdslf.open(str(write_floor(tmp_path)), elements=400)
     with pytest.raises(StrokeError, match="not finite"):
         session.add_stroke(stroke(np.full((len(P), 3), np.nan)))
+
+
+def test_a_glass_reflects_no_more_than_its_opacity(tmp_path: Path) -> None:
+    """Paint that would need more is not said to be met."""
+    path = write_floor(tmp_path, **{**GREY, "opacity": 0.5})
+    session, found = solved(path, stroke(seen(P, (0.7, 0.2, 0.15))))
+    assert found["inferred"].startswith("diffuse") and found["after"]["diffuse"][0] <= 0.5 + 1e-6
+    session.author(tmp_path / "look.usda")
+    shown = surface_at(session.edited(tmp_path / "look.usda").scene, P).diffuse
+    np.testing.assert_allclose(shown, np.tile(found["after"]["diffuse"], (len(P), 1)), atol=0.005)

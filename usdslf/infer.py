@@ -246,7 +246,7 @@ def _changes(answers: list[Answer]) -> NDArray[np.float64]:
 def _with_changes(answer: Answer, change: NDArray) -> Answer:
     """The answer with another change (7,) of its freed parameters, held to what is possible."""
     c, t = answer.chosen, answer.tables
-    dd = np.clip(change[:3], *bounds_of(t.diffuse, c.is_tint and not c.is_tint_f0))
+    dd = np.clip(change[:3], *bounds_of(t.diffuse, c.is_tint and not c.is_tint_f0, t.most_diffuse))
     df = np.clip(change[3:6], *bounds_of(t.f0, c.is_tint_f0))
     dd, df = hold_energy(t, dd, df, *ways_of(c)[:2], c.is_tint)
     chosen = replace(

@@ -290,13 +290,14 @@ def _median_change(t: Tables, level: int, diffuse: str, specular: str, tint: boo
     cumulated = np.cumsum(np.take_along_axis(weight, order, 0), 0)
     middle = (cumulated < 0.5 * cumulated[-1:]).sum(0)
     change = np.take_along_axis(np.take_along_axis(wanted, order, 0), middle[None], 0)[0] * np.ones(3)
-    change = np.clip(change, *bounds_of(t.diffuse if diffuse else t.f0, tint))
+    bounds = bounds_of(t.diffuse, tint, t.most_diffuse) if diffuse else bounds_of(t.f0, tint)
+    change = np.clip(change, *bounds)
     return (change, np.zeros(3)) if diffuse else (np.zeros(3), change)
 
 
-def bounds_of(color: F64, tint: bool) -> tuple[F64, F64]:
-    """Returns the least and the greatest change (3,), or factor less one, that keep a colour (3,) in 0..1."""
-    return (-np.ones(3), 1 / np.maximum(color, 1e-3) - 1) if tint else (-color, 1 - color)
+def bounds_of(color: F64, tint: bool, most: float = 1.0) -> tuple[F64, F64]:
+    """Returns the least and the greatest change (3,), or factor less one, that keep a colour (3,) in 0..most."""
+    return (-np.ones(3), most / np.maximum(color, 1e-3) - 1) if tint else (-color, np.maximum(most - color, 0))
 
 
 def predicted(t: Tables, c: Candidate) -> F64:
@@ -320,7 +321,7 @@ def _fit(
     tint_d, tint_f0 = tint and bool(diffuse), tint and not diffuse
     u, w = (t.tint_u, t.tint_w) if tint_d else (t.u, t.w)
     p, u, v, w = (x[:, level] for x in (t.p, u, t.tint_v if tint_f0 else t.v, w))
-    (low_d, high_d), (low_f, high_f) = bounds_of(t.diffuse, tint_d), bounds_of(t.f0, tint_f0)
+    (low_d, high_d), (low_f, high_f) = bounds_of(t.diffuse, tint_d, t.most_diffuse), bounds_of(t.f0, tint_f0)
     dd, df = hold_energy(t, np.zeros(3), np.zeros(3), diffuse, specular, tint)
     n = len(t.target)
 

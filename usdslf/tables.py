@@ -44,6 +44,7 @@ class Tables:
     is_metal: bool  # F90 follows F0, no diffuse reflection
     is_textured: bool  # d varies
     is_textured_f0: bool = False
+    most_diffuse: float = 1.0  # that the material can reflect: its opacity, where it is seen through
     is_phong: bool = False  # d + F0 <= 1 is for the fit to keep
 
     @property
@@ -88,6 +89,7 @@ def pool_tables(evidences: list[Evidence], material: int, model: str = "preview_
         is_metal=bool(np.abs(f90 - f0).max() < 2e-3 and d.max() < 0.02),
         is_textured=bool(d.std(0).max() > 5e-3),
         is_textured_f0=bool(f0.std(0).max() > 5e-3),
+        most_diffuse=float(np.clip(cat["opacity"].min(), 0, 1)),
         is_phong=model == "phong",
     )
 
@@ -128,6 +130,7 @@ def _tables_of(e: Evidence, material: int, index: int, model: str) -> dict[str, 
         "back_v": bv,
         "back_w": bw,
         "levels": mean(e.levels),
+        "opacity": mean(s.opacity.astype(np.float64)),
         "d": mean(d),
         "f0": mean(f0),
         "f90": mean(f90),

@@ -285,7 +285,7 @@ def _smoothed(t: Tables, v: Varying) -> tuple[Varying, F64]:
     weight = (slope / t.scale) ** 2
     wanted = asked / np.where(np.abs(slope) > 1e-12, slope, 1e-12)
     value = _value(v, v.places)
-    least, most = _range(v.form, value)
+    least, most = _range(v.form, value, t.most_diffuse if v.parameter == "diffuse" else 1.0)
     # what is out of reach must not pull at its neighbours
     wanted = np.clip(wanted, least - 1, np.minimum(most, 1 / DARKEST) + 1)
     if v.q.shape[1] == 1:
@@ -295,12 +295,12 @@ def _smoothed(t: Tables, v: Varying) -> tuple[Varying, F64]:
     return replace(v, q=np.clip(q, least, most), slope=slopes), leverage
 
 
-def _range(form: str, value: F64) -> tuple[F64, F64]:
-    """Least and greatest quantity (n, C) that keeps a colour in 0..1; of a factor, that of the darkest."""
+def _range(form: str, value: F64, most: float) -> tuple[F64, F64]:
+    """Least and greatest quantity (n, C) that keeps a colour in 0..most; of a factor, that of the darkest."""
     zero = np.zeros_like(value)
     if form == "add":
-        return -value, 1 - value
-    return (zero, zero + 1) if form == "value" else (zero - 1, 1 / np.maximum(value, DARKEST) - 1)
+        return -value, np.maximum(most - value, 0)
+    return (zero, zero + most) if form == "value" else (zero - 1, most / np.maximum(value, DARKEST) - 1)
 
 
 def _as_one(wanted: F64, weight: F64) -> tuple[F64, F64]:
