@@ -205,10 +205,11 @@ def varying_answers(
 def asks_to_vary(t: Tables, o: Options, a: VaryingAnswer, constant: Candidate) -> bool:
     """Whether an answer that varies is better than the best constant one.
 
-    By their costs; or where no constant comes near what was painted, and this foresees each dab from the others: of a
-    picture in many colours the best constant is as far off everywhere, which passes for a painter's drift.
+    By their costs, if it foresees each dab from the others better than the constant has it: a few dabs in a highlight
+    may have all the freedoms.  Or where no constant comes near what was painted and this foresees it: of a picture in
+    many colours the best constant is as far off everywhere, which passes for a painter's drift.
     """
-    if a.mean.cost < constant.cost:
+    if a.mean.cost < constant.cost and a.error_left_out < relative_error(t, constant):
         return True
     best = relative_error(t, refit(t, constant, o))
     return best > HOPELESS and a.error_left_out < NEARER * best
