@@ -168,6 +168,25 @@ def info(options: Settings, stage: str, frame: float | None, refine: int, as_jso
 
 @program.command()
 @click.argument("stage")
+@click.argument("look")
+@click.option("--json", "as_json", is_flag=True, help="JSON instead of text.")
+@settings
+@click.pass_context
+def review(context: click.Context, options: Settings, stage: str, look: str, as_json: bool) -> None:
+    """What a look layer changes in a shot, and what is wrong with it; exit code 1 where something is."""
+    from usdslf.usd.review import lines_of_review, review_look
+
+    found = review_look(stage, look)
+    if as_json:
+        _print_json(found)
+    else:
+        click.echo("\n".join(lines_of_review(found)))
+    if found["findings"]:
+        context.exit(1)
+
+
+@program.command()
+@click.argument("stage")
 @click.option("-o", "output", required=True, metavar="OUT.exr|png", help="EXR: scene-linear. PNG: displayed.")
 @click.option("--camera", metavar="PRIM", help="Default: the first one, or one that sees everything.")
 @click.option("--size", type=Size(), help="Default: as the camera's film, its longer side 960 pixels.")

@@ -1,0 +1,102 @@
+"""What a look layer changes in a shot, and what is wrong with it: for a person who has to accept it.
+
+    review_look(shot, look) -> dict          JSON-ready: materials, edits, findings
+    lines_of_review(found) -> list[str]      the lines that people read
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from pxr import Sdf, Usd
+
+from usdslf.errors import InputError
+from usdslf.usd.edited import open_edited
+from usdslf.usd.network import plain
+from usdslf.usd.validate import validate
+
+LONG = 4  # values of an array that are shown
+
+
+def review_look(shot: str | os.PathLike[str], look: str | os.PathLike[str]) -> dict[str, Any]:
+    """Returns what a look layer says of each material and attribute, with the shot's own values, and the findings.
+
+    Raises: StageError for the shot, InputError where the look is no look layer.
+    """
+    stage = open_edited(shot, look)
+    below = Usd.Stage.Open(stage.GetRootLayer())
+    layer = Sdf.Layer.FindOrOpen(os.fspath(look))
+    if "usdslf" not in layer.customLayerData:
+        raise InputError(f"{look} is not a look layer of usdslf; make one with: usdslf solve")
+    prims = list(_prims(layer.pseudoRoot))
+    return {
+        "shot": stage.GetRootLayer().realPath,
+        "look": layer.realPath,
+        "materials": [_material(p) for p in prims if "usdslf" in p.customData],
+        "edits": [_edit(below, s) for p in prims for s in p.properties],
+        "findings": [vars(f) for f in validate(stage)],
+    }
+
+
+def lines_of_review(found: Mapping[str, Any]) -> list[str]:
+    """Returns a line for each material, edit and finding."""
+    lines = [f"{found['look']} over {found['shot']}"]
+    for m in found["materials"]:
+        known = "residual_after" in m
+        residual = f"; residual {m['residual_before']:.3f} -> {m['residual_after']:.3f}" if known else ""
+        lines.append(f"{m['prim']}: {m['inferred']}, from {', '.join(m['strokes']) or 'no stroke'}{residual}")
+    lines += [f"  {e['prim']}.{e['attribute']}: {e['before']} -> {e['after']}" for e in found["edits"]]
+    lines.append(f"findings: {len(found['findings'])}")
+    return lines + [f"  {f['name']}: {f['message']}" for f in found["findings"]]
+
+
+def _prims(spec: Sdf.PrimSpec) -> Iterator[Sdf.PrimSpec]:
+    for child in spec.nameChildren:
+        yield child
+        yield from _prims(child)
+    for group in spec.variantSets.values() if spec.path.IsPrimPath() or spec.path.IsPrimVariantSelectionPath() else ():
+        for variant in group.variants.values():
+            yield variant.primSpec
+            yield from _prims(variant.primSpec)
+
+
+def _material(spec: Sdf.PrimSpec) -> dict[str, Any]:
+    data = spec.customData["usdslf"]
+    found = {
+        "prim": str(spec.path.StripAllVariantSelections()),
+        "inferred": str(data.get("inferred", "none")),
+        "strokes": [str(s) for s in data.get("strokes", ())],
+    }
+    named = {"residual_before": "residualBefore", "residual_after": "residualAfter"}
+    return found | {k: float(data[v]) for k, v in named.items() if v in data}
+
+
+def _edit(below: Usd.Stage, spec: Sdf.PropertySpec) -> dict[str, Any]:
+    path = spec.path.StripAllVariantSelections()
+    attribute = below.GetAttributeAtPath(path)
+    relationship = below.GetRelationshipAtPath(path)
+    before: Any = attribute.Get() if attribute else None
+    if relationship:
+        before = [str(t) for t in relationship.GetTargets()]
+    if isinstance(spec, Sdf.RelationshipSpec):
+        after: Any = [str(t) for t in spec.targetPathList.GetAddedOrExplicitItems()]
+    elif spec.connectionPathList.GetAddedOrExplicitItems():
+        after = [f"<{p}>" for p in spec.connectionPathList.GetAddedOrExplicitItems()]
+    else:
+        after = spec.default
+    return {"prim": str(path.GetPrimPath()), "attribute": path.name, "before": _shown(before), "after": _shown(after)}
+
+
+def _shown(value: Any) -> Any:
+    """A value as JSON holds it; the first of a long array."""
+    if value is None or isinstance(value, (bool, int, float, str)):
+        return value
+    if isinstance(value, Sdf.AssetPath):
+        return value.path
+    if hasattr(value, "__len__") and len(value) > LONG and not isinstance(value, str):
+        return f"{len(value)} values"
+    if isinstance(value, list):
+        return value
+    return plain(value)
