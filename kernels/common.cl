@@ -75,3 +75,16 @@ inline float3 bin_direction(int d)
 {
     return hemisphere_from_square((d % SIDE + 0.5f) * (2.0f / SIDE) - 1.0f, (d / SIDE + 0.5f) * (2.0f / SIDE) - 1.0f);
 }
+
+/* a row of a sharp level: the sums of light (D, 3) times the weights a and b of taps first .. last */
+inline void sharp_row(__global const float16 *light, int first, int last, __global const ushort *tap,
+                      __global const float *a, __global const float *b, float16 *as, float16 *bs)
+{
+    for (int c = 0; c < 3; c++) as[c] = bs[c] = 0.0f;
+    for (int k = first; k < last; k++) {
+        float wa = a[k], wb = b[k];
+        float16 r = light[tap[k] * 3], g = light[tap[k] * 3 + 1], bl = light[tap[k] * 3 + 2];
+        as[0] += wa * r; as[1] += wa * g; as[2] += wa * bl;
+        bs[0] += wb * r; bs[1] += wb * g; bs[2] += wb * bl;
+    }
+}

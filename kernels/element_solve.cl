@@ -88,14 +88,8 @@ __kernel void sharp_columns(__global const float16 *light, __global const int *f
 {
     int d = get_global_id(0), block = get_global_id(1);
     if (d >= D_BINS) return;
-    __global const float16 *from = light + (size_t)block * D_BINS * 3;
-    float16 as[3] = {0.0f, 0.0f, 0.0f}, bs[3] = {0.0f, 0.0f, 0.0f};
-    for (int k = first[d]; k < first[d + 1]; k++) {
-        float wa = a[k], wb = b[k];
-        float16 r = from[tap[k] * 3], g = from[tap[k] * 3 + 1], bl = from[tap[k] * 3 + 2];
-        as[0] += wa * r; as[1] += wa * g; as[2] += wa * bl;
-        bs[0] += wb * r; bs[1] += wb * g; bs[2] += wb * bl;
-    }
+    float16 as[3], bs[3];
+    sharp_row(light + (size_t)block * D_BINS * 3, first[d], first[d + 1], tap, a, b, as, bs);
     for (int c = 0; c < 3; c++) {
         columns[((size_t)block * D_BINS + d) * 3 + c] = as[c];
         columns[((size_t)(blocks + block) * D_BINS + d) * 3 + c] = bs[c];

@@ -7,7 +7,7 @@ import pytest
 from reference import propagate as ref
 
 from usdslf.errors import InputError
-from usdslf.propagate import Places, Weights, gate, most_similar, propagate, reach_of, similarity
+from usdslf.propagate import Places, Weights, gate, most_similar, reach_of, shares, similarity
 from usdslf.upsample import upsample
 
 
@@ -22,6 +22,14 @@ def as_tuples(p: Places) -> list:
     return list(zip(p.position, p.normal, p.reflectance))
 
 
+def propagated(
+    x: Places, y: Places, values: object, reach: float, weights: Weights | None = None, gated: bool = True
+) -> np.ndarray:
+    """The change of places from that of painted ones."""
+    share, opened = shares(x, y, reach, weights)
+    return share @ np.asarray(values, float) * (opened[:, None] if gated else 1)
+
+
 @pytest.mark.parametrize("w", [(1, 0.5, 2), (1, 0, 0), (0, 1, 0), (0, 0, 3.0)])
 def test_similarity_and_propagation_are_the_formula(w: tuple) -> None:
     x, y = some(67, 1), some(5, 2)
@@ -30,7 +38,7 @@ def test_similarity_and_propagation_are_the_formula(w: tuple) -> None:
     np.testing.assert_allclose(s, expected, rtol=1e-12)
     assert s.min() >= 0 and s.max() <= 1
     values = np.random.default_rng(3).normal(size=(5, 3))
-    got = propagate(x, y, values, 0.2, Weights(*w))
+    got = propagated(x, y, values, 0.2, Weights(*w))
     np.testing.assert_allclose(got, ref.propagated(as_tuples(x), as_tuples(y), values, 0.2, w), atol=1e-12)
     np.testing.assert_allclose(most_similar(x, y, 0.2, Weights(*w)), s.max(1))
 
@@ -45,22 +53,22 @@ def test_a_place_is_most_like_itself_and_similarity_is_symmetric() -> None:
 
 def test_one_painted_place_gives_its_own_change_wherever_the_gate_is_open() -> None:
     x, y = some(30, 5), some(1, 6)
-    got = propagate(x, y, [[0.3, -0.1, 0.2]], 0.2, gated=False)
+    got = propagated(x, y, [[0.3, -0.1, 0.2]], 0.2, gated=False)
     np.testing.assert_allclose(got, np.tile([0.3, -0.1, 0.2], (30, 1)))
     far = Places(x.position + 100, -np.abs(y.normal).repeat(30, 0), x.reflectance + 5)
-    assert not propagate(far, y, [[1.0]], 0.2).any()
+    assert not propagated(far, y, [[1.0]], 0.2).any()
 
 
 def test_a_mean_stays_between_what_was_painted() -> None:
     x, y = some(200, 7), some(9, 8)
     values = np.random.default_rng(9).random((9, 3))
-    got = propagate(x, y, values, 0.1, gated=False)
+    got = propagated(x, y, values, 0.1, gated=False)
     assert (got >= values.min(0) - 1e-12).all() and (got <= values.max(0) + 1e-12).all()
 
 
 def test_nothing_painted_changes_nothing() -> None:
     x, y = some(4, 1), some(0, 1)
-    assert not propagate(x, y, np.zeros((0, 3)), 0.1).any() and not most_similar(x, y, 0.1).any()
+    assert not propagated(x, y, np.zeros((0, 3)), 0.1).any() and not most_similar(x, y, 0.1).any()
     assert reach_of(np.zeros((1, 3)), 0.25) == 0.25
 
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from usdslf.answers import Answer, alike_means
+from usdslf.answers import Answer, alike_means, means_of
 from usdslf.changes import shown_on
 from usdslf.edits import inferred
 from usdslf.scene import Scene
@@ -110,17 +110,7 @@ def _of_stroke(session: Session, stroke: Stroke, answer: Answer, *more: Answer) 
         "ambiguous": answer.is_ambiguous,
         "varies": answer.varying is not None,
         "alternatives": [
-            {
-                "id": name,
-                "cost": c.cost,
-                "after": _plain(
-                    {
-                        "diffuse": c.diffuse_of(t.diffuse),
-                        "specular": c.f0_of(t.f0),
-                        "roughness": c.roughness_of(np.array([t.roughness])),
-                    }
-                ),
-            }
+            {"id": name, "cost": c.cost, "after": _plain(means_of(t, c)[1])}
             for name, c in [*((c.id, c) for c in answer.candidates), *((a.id, a.mean) for a in answer.varied)]
         ],
     }

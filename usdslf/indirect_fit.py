@@ -74,9 +74,7 @@ class Change:
     @property
     def vector(self) -> F64:
         """Where the parameters are."""
-        c = self.candidate
-        of = {"diffuse": c.delta_diffuse, "specular": c.delta_f0, "glossiness": np.array([c.roughness_shift])}
-        return np.concatenate([of[name][:count] for name, count in self.parts] or [np.zeros(0)])
+        return np.concatenate([self.candidate.delta_of(name)[:count] for name, count in self.parts] or [np.zeros(0)])
 
     @property
     def bounds(self) -> tuple[F64, F64]:

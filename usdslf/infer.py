@@ -258,9 +258,7 @@ def _with_changes(answer: Answer, change: NDArray) -> Answer:
     before, after = means_of(t, chosen)
     varying = answer.varying
     if varying:
-        shift = np.array([chosen.roughness_shift])
-        of = {"diffuse": chosen.delta_diffuse, "specular": chosen.delta_f0, "glossiness": shift}
-        varying = varying.moved(of[varying.parameter])
+        varying = varying.moved(chosen.delta_of(varying.parameter))
     spread = answer.spread
     if spread:
         spread = as_spread(chosen, varying, spread.places, spread.reach, spread.weights)

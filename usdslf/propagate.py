@@ -83,7 +83,8 @@ def similarity(x: Places, y: Places, reach: ArrayLike, weights: Weights | None =
         reach: l, one for all or (n,) [stage units].
     """
     w = weights or Weights()
-    middle = y.position.mean(0, dtype=np.float64)  # products about the origin would lose what is far from it
+    # products about the origin would lose what is far from it
+    middle = y.position.sum(0, dtype=np.float64) / max(len(y), 1)
     s = _squares(x.position - middle, y.position - middle)
     s /= np.square(np.asarray(reach, np.float64)).reshape(-1, 1)
     s += 1
@@ -115,24 +116,15 @@ def most_similar(x: Places, painted: Places, reach: float, weights: Weights | No
     return out
 
 
-def propagate(
-    x: Places, painted: Places, values: ArrayLike, reach: float, weights: Weights | None = None, gated: bool = True
-) -> F64:
-    """Returns the change (n, C) of places from the changes (m, C) of the painted ones.
+def shares(x: Places, painted: Places, reach: ArrayLike, weights: Weights | None = None) -> tuple[F64, F64]:
+    """Returns how much each painted place has to say of each place (n, m), and how far the gate is open there (n,).
 
-    Args:
-        gated: False: all of x changes, as where the scope says how far a change goes.
+    A change that is known at the painted places (m, C) goes on as `shares @ change`, times the gate where nothing
+    else says how far it goes.
     """
-    known = np.asarray(values, np.float64)
-    known = known[:, None] if known.ndim == 1 else known
-    out = np.zeros((len(x), known.shape[1]))
-    for rows in blocks(len(x), len(painted)):
-        s = similarity(x.rows(rows), painted, reach, weights)
-        k = np.square(np.square(s))
-        out[rows] = (k @ known) / np.maximum(k.sum(1, keepdims=True), 1e-30)
-        if gated:
-            out[rows] *= gate(s.max(1))[:, None]
-    return out
+    s = similarity(x, painted, reach, weights)
+    k = np.square(np.square(s))
+    return k / np.maximum(k.sum(1, keepdims=True), 1e-30), gate(s.max(1, initial=0.0))
 
 
 def gate(s: ArrayLike) -> F64:

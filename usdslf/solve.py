@@ -22,9 +22,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdslf.errors import InputError
+from usdslf.scene import F64
 from usdslf.tables import Tables
 
-F64 = NDArray[np.float64]
 GROUPS = ("diffuse", "specular", "glossiness")
 TRUST = (0.5, 0.25, 0.15, 0.1, 0.07, 0.05)  # relative error of a dab at which it has half its weight, round by round
 FEWEST_HEARD = 4  # dabs; fewer count as many
@@ -113,6 +113,11 @@ class Candidate:
         """Applies the change to specular colours (..., 3)."""
         changed = f0 * (1 + self.delta_f0) if self.is_tint_f0 else f0 + self.delta_f0
         return np.clip(changed, 0, 1) if "specular" in self.freed else f0
+
+    def delta_of(self, parameter: str) -> F64:
+        """Returns the change (3,) of diffuse or specular, of glossiness (1,) the shift of roughness."""
+        shift = np.array([self.roughness_shift])
+        return {"diffuse": self.delta_diffuse, "specular": self.delta_f0, "glossiness": shift}[parameter]
 
     @property
     def is_tint_f0(self) -> bool:

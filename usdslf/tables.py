@@ -14,8 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdslf.evidence import Evidence, mean_by
-
-F64 = NDArray[np.float64]
+from usdslf.scene import F64
 
 
 @dataclass(frozen=True)

@@ -24,7 +24,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from usdslf.evidence import Evidence, mean_by
-from usdslf.propagate import Places, Weights, blocks, gate, reach_of, similarity
+from usdslf.propagate import Places, Weights, blocks, reach_of, shares
 from usdslf.scene import F64
 from usdslf.solve import Candidate, Options, refit, relative_error, score
 from usdslf.tables import Tables
@@ -75,15 +75,13 @@ class Varying:
         far = np.linalg.norm(way, axis=2)
         # beyond the dabs, the next ones decide as they do among them, and their planes lead on only so far
         off = far.min(1)
-        s = similarity(x, self.places, self.reach if self.is_gated else np.maximum(self.reach, off), self.weights)
-        k = np.square(np.square(s))
-        k /= np.maximum(k.sum(1, keepdims=True), 1e-30)
+        k, opened = shares(x, self.places, self.reach if self.is_gated else np.maximum(self.reach, off), self.weights)
         leads = np.exp(-0.5 * np.square(np.maximum(off - self.reach, 0) / (LEADS * self.length)))
         way *= (k * leads[:, None])[..., None]
         q = k @ self.q + way.reshape(len(x), -1) @ self.slope.transpose(0, 2, 1).reshape(-1, channels)
         q = np.clip(q, self.q.min(0), self.q.max(0))
         change = _changed(self, q, _value(self, x)) - _value(self, x)
-        return change * gate(s.max(1))[:, None] if self.is_gated else change
+        return change * opened[:, None] if self.is_gated else change
 
     def of_dabs(self) -> F64:
         """Returns the change of the parameter (n, 3), of roughness (n, 1), at the dabs themselves."""
@@ -127,8 +125,7 @@ def as_spread(c: Candidate, v: Varying | None, places: Places, reach: float, wei
         return replace(v, places=places, reach=reach, weights=weights, is_gated=True)
     if len(c.freed) != 1:
         return None
-    of = {"diffuse": c.delta_diffuse, "specular": c.delta_f0, "glossiness": np.array([c.roughness_shift])}
-    q = np.tile(of[c.freed[0]], (len(places), 1))
+    q = np.tile(c.delta_of(c.freed[0]), (len(places), 1))
     form = "factor" if c.is_tint else "add"
     return Varying(c.freed[0], form, reach, q, np.zeros((*q.shape, 3)), places, reach, True, weights)
 
