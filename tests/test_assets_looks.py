@@ -187,7 +187,7 @@ def check_read_back(
     for freed, name in names.items():
         g, w = getattr(got, name), getattr(wanted, name)
         if freed in made.freed or not is_mixed:
-            np.testing.assert_allclose(g, w, rtol=0.02 if is_mixed else 0.01, atol=1e-4)
+            np.testing.assert_allclose(g, w, rtol=0.01, atol=1e-4)
         else:  # painted metal beside bare metal: a colour of the one is a reflectance of the other
             np.testing.assert_allclose(g, w, atol=0.01)
     others = ~np.isin(entry.points.material, shown)

@@ -19,7 +19,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from usdslf.errors import AuthorError
 from usdslf.scene import F64, Input, Material, PrimvarInput, Texture
@@ -121,7 +121,7 @@ def material_change_to_input_edits(change: MaterialChange) -> list[InputEdit]:
     textured = any(_is_driven(v) for v in (m.diffuse_color, m.metallic, m.ior, m.specular_color))
     if "diffuse" in change.freed:
         # The solver's unknown is one change for all points: through textures that is what carries over.
-        d = d + (wanted.diffuse - change.before.diffuse) / opacity if textured else wanted.diffuse / opacity
+        d = _carried_over(change, d, opacity) if textured else wanted.diffuse / opacity
     if "specular" in change.freed:
         f0 = f0 + (wanted.f0 - change.before.f0) if textured else wanted.f0
     d, f0 = np.clip(d, 0, 1), np.clip(f0, 0, 1)
@@ -149,6 +149,14 @@ def material_change_to_input_edits(change: MaterialChange) -> list[InputEdit]:
             rough = np.where(rough <= MIN_ROUGHNESS * 1.0001, 0.0, rough)
         edits += _edit(change, "roughness", m.roughness, rough, np.clip(wanted.roughness, 0, 1))
     return _beside_varying(change, edits) + _baked_edits(change) + _vertex_edits(change)
+
+
+def _carried_over(change: MaterialChange, d: F64, opacity: float) -> F64:
+    """The diffuse reflectance of the mean inputs after a change: a scale of the texture is the same factor on both."""
+    before, after = change.before.diffuse, change.after.diffuse
+    ratio = after / np.maximum(before, DARK)
+    by_scale = is_scale(before, ratio, change.highest.get("diffuseColor", 1.0), change.map)
+    return np.where(by_scale, d * ratio, d + (after - before) / opacity)
 
 
 def _beside_varying(change: MaterialChange, edits: list[InputEdit]) -> list[InputEdit]:
@@ -200,12 +208,19 @@ def affine_map(mean: float, target: float, high: float, kind: str = "auto") -> t
     ratio = target / mean if mean > DARK else np.inf
     if kind == "add":
         return 1.0, target - mean
-    if np.isfinite(ratio) and (kind == "multiply" or ratio <= 1 or high * ratio <= 1):
+    if is_scale(mean, ratio, high, kind):
         return float(ratio), 0.0
     if kind == "multiply" or high + target - mean <= 1 or mean >= 1:
         return 1.0, target - mean
     scale = (1 - target) / (1 - mean)
     return scale, 1 - scale
+
+
+def is_scale(mean: ArrayLike, ratio: ArrayLike, high: float, kind: str = "auto") -> NDArray[np.bool_]:
+    """Whether the affine map of a mean to `ratio` times it is a scale: see `affine_map`."""
+    is_dark = np.asarray(mean) <= DARK
+    ratio = np.where(is_dark, 0.0, ratio)
+    return ~is_dark & ((kind == "multiply") | (ratio <= 1) | (high * ratio <= 1)) & (kind != "add")
 
 
 def _is_driven(value: Input) -> bool:
