@@ -4,6 +4,7 @@
     added_by_hand(earlier) -> Sdf.Layer                an earlier look without what its record lists
     put_under(by_hand, new) -> (layer, lost)           both in one; what a person wrote is stronger
     what_is_by_hand(by_hand) -> list[Sdf.Path]         prims and properties that a person said something about
+    specs_of(layer) -> Iterator                        all prims and properties
 
 The record is a line for each prim and property, `path field=digest ...`, in customLayerData.usdslf.written.
 A property counts as one; a prim by its fields, and customData by its keys.  What was changed since it was
@@ -30,7 +31,7 @@ def record_of(layer: Sdf.Layer) -> list[str]:
     # Values are taken as they are read back: text rounds, and sorts dictionaries.
     copy = Sdf.Layer.CreateAnonymous(".usda")
     copy.ImportFromString(layer.ExportToString())
-    found = {str(spec.path): _digests(spec) for spec in _specs(copy)}
+    found = {str(spec.path): _digests(spec) for spec in specs_of(copy)}
     return [
         " ".join([path, *(f"{k}={v}" for k, v in sorted(d.items()))]) for path, d in sorted(found.items())
     ]
@@ -43,7 +44,7 @@ def added_by_hand(earlier: Sdf.Layer) -> Sdf.Layer:
     data = dict(layer.customLayerData)
     record = data.get(_OURS, {}).get(RECORD, ())
     ours = {line.split(" ")[0]: dict(f.rpartition("=")[::2] for f in line.split(" ")[1:]) for line in record}
-    specs = list(_specs(layer))
+    specs = list(specs_of(layer))
     with Sdf.ChangeBlock():
         for spec in [s for s in specs if isinstance(s, Sdf.PropertySpec)]:
             if _digests(spec) == ours.get(str(spec.path)):
@@ -85,7 +86,7 @@ def put_under(by_hand: Sdf.Layer, new: Sdf.Layer) -> tuple[Sdf.Layer, list[Sdf.P
         return new, []
     layer, lost = Sdf.Layer.CreateAnonymous(".usda"), []
     layer.TransferContent(by_hand)
-    for spec in list(_specs(new)):
+    for spec in list(specs_of(new)):
         there = layer.GetObjectAtPath(spec.path)
         if there is None:
             _copy_alone(new, spec, layer)
@@ -102,13 +103,13 @@ def put_under(by_hand: Sdf.Layer, new: Sdf.Layer) -> tuple[Sdf.Layer, list[Sdf.P
 
 def what_is_by_hand(by_hand: Sdf.Layer) -> list[Sdf.Path]:
     """Returns the prims and properties that a person said something about."""
-    specs = list(_specs(by_hand))
+    specs = list(specs_of(by_hand))
     empty = [s for s in specs if s.path.IsPrimVariantSelectionPath() and _is_bare(s)]
     return [s.path for s in specs if isinstance(s, Sdf.PropertySpec) or _says(s) or s in empty]
 
 
-def _specs(layer: Sdf.Layer) -> Iterator[Sdf.PrimSpec | Sdf.PropertySpec]:
-    """Prims before what is in them, in the order of the layer; variants as prims of their own."""
+def specs_of(layer: Sdf.Layer) -> Iterator[Sdf.PrimSpec | Sdf.PropertySpec]:
+    """Yields prims before what is in them, in the order of the layer; variants as prims of their own."""
 
     def below(prim: Sdf.PrimSpec) -> Iterator[Sdf.PrimSpec | Sdf.PropertySpec]:
         yield prim

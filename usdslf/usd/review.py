@@ -7,17 +7,18 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 from pxr import Sdf, Usd
 
 from usdslf.errors import InputError
 from usdslf.usd.edited import open_edited
+from usdslf.usd.kept import specs_of
 from usdslf.usd.network import plain
 from usdslf.usd.validate import validate
 
-LONG = 4  # values of an array that are shown
+LONG = 4  # values of an array that are shown; of more, their number
 
 
 def review_look(shot: str | os.PathLike[str], look: str | os.PathLike[str]) -> dict[str, Any]:
@@ -30,12 +31,12 @@ def review_look(shot: str | os.PathLike[str], look: str | os.PathLike[str]) -> d
     layer = Sdf.Layer.FindOrOpen(os.fspath(look))
     if "usdslf" not in layer.customLayerData:
         raise InputError(f"{look} is not a look layer of usdslf; make one with: usdslf solve")
-    prims = list(_prims(layer.pseudoRoot))
+    specs = list(specs_of(layer))
     return {
         "shot": stage.GetRootLayer().realPath,
         "look": layer.realPath,
-        "materials": [_material(p) for p in prims if "usdslf" in p.customData],
-        "edits": [_edit(below, s) for p in prims for s in p.properties],
+        "materials": [_material(s) for s in specs if isinstance(s, Sdf.PrimSpec) and "usdslf" in s.customData],
+        "edits": [_edit(below, s) for s in specs if isinstance(s, Sdf.PropertySpec)],
         "findings": [vars(f) for f in validate(stage)],
     }
 
@@ -50,16 +51,6 @@ def lines_of_review(found: Mapping[str, Any]) -> list[str]:
     lines += [f"  {e['prim']}.{e['attribute']}: {e['before']} -> {e['after']}" for e in found["edits"]]
     lines.append(f"findings: {len(found['findings'])}")
     return lines + [f"  {f['name']}: {f['message']}" for f in found["findings"]]
-
-
-def _prims(spec: Sdf.PrimSpec) -> Iterator[Sdf.PrimSpec]:
-    for child in spec.nameChildren:
-        yield child
-        yield from _prims(child)
-    for group in spec.variantSets.values() if spec.path.IsPrimPath() or spec.path.IsPrimVariantSelectionPath() else ():
-        for variant in group.variants.values():
-            yield variant.primSpec
-            yield from _prims(variant.primSpec)
 
 
 def _material(spec: Sdf.PrimSpec) -> dict[str, Any]:
@@ -90,13 +81,7 @@ def _edit(below: Usd.Stage, spec: Sdf.PropertySpec) -> dict[str, Any]:
 
 
 def _shown(value: Any) -> Any:
-    """A value as JSON holds it; the first of a long array."""
-    if value is None or isinstance(value, (bool, int, float, str)):
-        return value
-    if isinstance(value, Sdf.AssetPath):
-        return value.path
+    """A value as JSON holds it; of a long array how many there are."""
     if hasattr(value, "__len__") and len(value) > LONG and not isinstance(value, str):
         return f"{len(value)} values"
-    if isinstance(value, list):
-        return value
-    return plain(value)
+    return value if isinstance(value, list) else plain(value)
