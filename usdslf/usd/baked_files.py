@@ -16,6 +16,8 @@ from pathlib import Path
 
 from pxr import Sdf, Tf
 
+from usdslf.usd.files import assets_of
+
 _OURS = re.compile(r".+_[0-9a-f]{12}(\.<UDIM>)?\.exr$")
 _LAYERS = (".usd", ".usda", ".usdc")
 
@@ -55,18 +57,7 @@ def drop_unused(earlier: Sdf.Layer, layer: Sdf.Layer, look: Path) -> list[str]:
 
 def _assets(layer: Sdf.Layer, folder: Path) -> set[Path]:
     """The files that the attributes of a layer name; <UDIM> stays as it is."""
-    found: set[Path] = set()
-
-    def visit(path: Sdf.Path) -> None:
-        spec = layer.GetAttributeAtPath(path) if path.IsPropertyPath() else None
-        if spec is not None and spec.typeName == Sdf.ValueTypeNames.Asset:
-            times = layer.ListTimeSamplesForPath(path)
-            for value in [spec.default, *(layer.QueryTimeSample(path, t) for t in times)]:
-                if isinstance(value, Sdf.AssetPath) and value.path:
-                    found.add(Path(os.path.normpath((folder / value.path).resolve())))
-
-    layer.Traverse(Sdf.Path.absoluteRootPath, visit)
-    return found
+    return {Path(os.path.normpath((folder / path).resolve())) for path in assets_of(layer) if path}
 
 
 def _files(name: Path) -> Iterator[Path]:

@@ -3,6 +3,7 @@
     replacing(path) -> context manager of a temporary Path     renamed to `path` if the block ends well
     write_layer(layer, path) -> None                           a USD layer; same layer, same bytes
     check_layer_place(path) -> None                            whether there can be one
+    assets_of(layer) -> list[str]                              what its attributes name
     relative_path(target, folder) -> str                       "./..." with forward slashes
 """
 
@@ -89,3 +90,18 @@ def relative_path(target: str | os.PathLike[str], folder: str | os.PathLike[str]
         return Path(target).as_posix()
     relative = Path(relative).as_posix()
     return relative if relative.startswith("../") else f"./{relative}"
+
+
+def assets_of(layer: Sdf.Layer) -> list[str]:
+    """Returns the asset paths that the attributes of a layer name, at default time and in samples."""
+    found: list[str] = []
+
+    def visit(path: Sdf.Path) -> None:
+        spec = layer.GetAttributeAtPath(path) if path.IsPropertyPath() else None
+        if spec is None:
+            return
+        samples = (layer.QueryTimeSample(path, t) for t in layer.ListTimeSamplesForPath(path))
+        found.extend(v.path for v in (spec.default, *samples) if isinstance(v, Sdf.AssetPath))
+
+    layer.Traverse(Sdf.Path.absoluteRootPath, visit)
+    return found

@@ -31,6 +31,7 @@ from pxr import Ar, Sdf, Sdr, Usd, UsdShade
 from usdslf.color import color_of
 from usdslf.errors import StrokeError, UsdslfError
 from usdslf.usd.arcs import inherited_classes
+from usdslf.usd.files import assets_of
 from usdslf.usd.look_layer import bound_relationship
 from usdslf.usd.provenance import stale
 from usdslf.usd.read import quiet_usd, read_scene
@@ -100,24 +101,12 @@ def _with_its_shot(stage: Usd.Stage, look: Sdf.Layer) -> Usd.Stage:
 def _of_layer(layer: Sdf.Layer) -> Iterator[Finding]:
     """Paths of a layer that hold on one machine only."""
     file = layer.GetDisplayName()
-    paths = [*layer.GetCompositionAssetDependencies(), *_assets(layer)]
+    paths = [*layer.GetCompositionAssetDependencies(), *assets_of(layer)]
     data = layer.customLayerData.get("usdslf", {})
     paths += [str(data[name]) for name in ("shot", "strokes") if name in data]
     for path in dict.fromkeys(p for p in paths if _ABSOLUTE.match(p)):
         say = f"{file} names {path}, which other machines do not have: make the path relative."
         yield Finding("AbsolutePath", str(layer.defaultPrim and f"/{layer.defaultPrim}"), say, file)
-
-
-def _assets(layer: Sdf.Layer) -> list[str]:
-    found: list[str] = []
-
-    def visit(path: Sdf.Path) -> None:
-        spec = layer.GetAttributeAtPath(path) if path.IsPropertyPath() else None
-        if spec and isinstance(spec.default, Sdf.AssetPath):
-            found.append(spec.default.path)
-
-    layer.Traverse(Sdf.Path.absoluteRootPath, visit)
-    return found
 
 
 class _Look:
