@@ -25,7 +25,9 @@ from varying_floor import (
 )
 
 import usdslf
-from usdslf import bake
+from usdslf import bake, infer
+from usdslf.answers import changed_surface
+from usdslf.carriers import Carrier
 from usdslf.changes import with_varying
 from usdslf.color import color_of
 from usdslf.errors import AuthorError
@@ -257,6 +259,21 @@ def test_what_can_no_longer_be_stored_is_written_as_its_mean(tmp_path: Path) -> 
     assert not changes[0].by_vertex and not changes[0].baked
     (sentence,) = said
     assert "too far apart" in sentence and sentence.endswith("its change is written as its mean")
+
+
+def test_an_answer_that_the_light_moves_out_of_storage_stays_as_it_could_be_stored(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    real, gone = infer.carrier_of, []
+    monkeypatch.setattr(infer, "changed_surface", lambda *a: gone.append(True) or changed_surface(*a))
+    monkeypatch.setattr(infer, "carrier_of", lambda *a: Carrier(why_not="it is gone") if gone else real(*a))
+    session = solved(write_floor(tmp_path), stroke(seen(P, gradient(P))))
+    edits = session.author(tmp_path / "look.usda")
+    found = session.report()["strokes"][0]
+    said = [w for w in session.warnings if "could not be stored" in w]
+    # the first round's answer, which could be stored, is better than a constant: it stays, and nothing else is said
+    assert found["varies"] and found["residual_after"] < 0.05 and not said
+    assert {e.representation for e in edits} == {"texture"} and found["residual_as_written"] < 0.05
 
 
 def test_the_written_look_is_measured_beside_the_other_new_materials(tmp_path: Path) -> None:

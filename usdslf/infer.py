@@ -126,8 +126,14 @@ def infer_changes(
         evidence = [p.evidence(field) for p in painted]
         answers = [_after_bounce(a, evidence, painted, field, options) for a in answers]
         done = kept is not None and abs(_total(answers) - _total(kept)) < CONVERGED * max(_total(kept), 0.02)
+        could_vary = {a.pool for a in kept or () if a.varying} & {a.pool for a in answers if not a.varying}
         if kept is None or _total(answers) <= _total(kept) * 1.02:
             kept, kept_surface = answers, field.surface
+            said += [
+                f"{pool_names(painted, pool)}: a change that varies could not be stored under the light that it sends "
+                "round; it is constant"
+                for pool in could_vary
+            ]
         yield kept
         if done or number + 1 == ROUNDS:
             break
@@ -136,6 +142,7 @@ def infer_changes(
         wanted = [_refit(a, evidence, painted, field, options) for a in answers]
         step, share = _relaxed(_changes(wanted) - at, step, share)
         answers = [_with_changes(a, x) for a, x in zip(wanted, at + share * step, strict=True)]
+        answers = [_while_storable(a, scene) for a in answers]
     if kept_surface is not field.surface:
         field.set_surface(kept_surface)
         for _ in field.converge(bounces):
@@ -375,6 +382,14 @@ def _storable(
             f"{scene.materials[pool.material].path}, which cannot be stored ({'; '.join(why)}); it is constant"
         )
     return list(found.values())
+
+
+def _while_storable(answer: Answer, scene: Scene) -> Answer:
+    """The answer; a constant where the light that went round moved it to where what varies cannot be stored."""
+    v, pool = answer.varying, answer.pool
+    if v is None or not carrier_of(scene, pool.material, pool.targets, v).why_not:
+        return answer
+    return replace(answer, varying=None)
 
 
 def _refit(
