@@ -165,3 +165,14 @@ def same_triangles(a: Scene, b: Scene) -> None:
     """Two scenes have the same triangles, corner by corner, with the same normals."""
     np.testing.assert_array_equal(a.triangles.positions, b.triangles.positions)
     np.testing.assert_allclose(a.triangles.normals, b.triangles.normals, atol=1e-6)
+
+
+def as_asset(b: StageBuilder, root: str = "/asset") -> Sdf.Layer:
+    """The shot's floor and material as an asset beside it, saved; lamp and camera are the shot's own."""
+    asset = Sdf.Layer.CreateNew(str(b.folder / "asset.usda"))
+    Sdf.CopySpec(b.stage.GetRootLayer(), "/World", asset, root)
+    asset.defaultPrim = root[1:]
+    for name in ("lamp", "camera"):
+        del asset.GetPrimAtPath(root).nameChildren[name]
+    asset.Save()
+    return asset

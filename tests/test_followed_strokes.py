@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from oddity_stages import AFTER, FACES, GRID, floor_of, floor_shot, painted
+from oddity_stages import AFTER, FACES, GRID, as_asset, floor_of, floor_shot, painted
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdSkel
 from stage_parts import StageBuilder
 
@@ -92,12 +92,7 @@ def moved_below(b: StageBuilder, path: str) -> None:
 
 def scene_instance(b: StageBuilder) -> Points:
     """An instance whose root is animated, of an asset that does not move."""
-    asset = Sdf.Layer.CreateNew(str(b.folder / "asset.usda"))
-    Sdf.CopySpec(b.stage.GetRootLayer(), "/World", asset, "/asset")
-    asset.defaultPrim = "asset"
-    for name in ("lamp", "camera"):
-        del asset.GetPrimAtPath("/asset").nameChildren[name]
-    asset.Save()
+    as_asset(b)
     for name in ("floor", "mtl"):
         b.stage.RemovePrim(f"/World/{name}")
     for name, x in (("a", 0.0), ("b", 30.0)):

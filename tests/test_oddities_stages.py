@@ -17,6 +17,7 @@ from oddity_stages import (
     add_floor,
     add_mesh,
     area_vectors,
+    as_asset,
     authored,
     evaluate_at,
     floor_of,
@@ -100,12 +101,7 @@ def test_colour_temperature_without_a_temperature_is_6500(tmp_path: Path) -> Non
 # ---- instances ----------------------------------------------------------------------------------------------
 def test_the_painted_instance_changes_alone(tmp_path: Path) -> None:
     b = floor_shot(tmp_path)
-    asset = Sdf.Layer.CreateNew(str(tmp_path / "asset.usda"))
-    Sdf.CopySpec(b.stage.GetRootLayer(), "/World", asset, "/asset")
-    asset.defaultPrim = "asset"
-    for name in ("lamp", "camera"):
-        del asset.GetPrimAtPath("/asset").nameChildren[name]
-    asset.Save()
+    as_asset(b)
     for name in ("floor", "mtl"):
         b.stage.RemovePrim(f"/World/{name}")
     for name, x in (("near", 0.0), ("far", 30.0)):

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from oddity_stages import AFTER, GRID, evaluate_at, floor_of, floor_shot, solved
+from oddity_stages import AFTER, GRID, as_asset, evaluate_at, floor_of, floor_shot, solved
 from pxr import Gf, Sdf, Usd, UsdGeom, Vt
 from stage_parts import StageBuilder
 from stage_textures import write_image
@@ -137,12 +137,7 @@ def referenced(b: StageBuilder, is_instance: bool, where: str) -> None:
 
     USD drops clips of an instance's own prim, as it drops overs below one: in an asset they are below its root.
     """
-    asset = Sdf.Layer.CreateNew(str(b.folder / "asset.usda"))
-    Sdf.CopySpec(b.stage.GetRootLayer(), "/World", asset, "/World")
-    asset.defaultPrim = "World"
-    for name in ("lamp", "camera"):
-        del asset.GetPrimAtPath("/World").nameChildren[name]
-    asset.Save()
+    asset = as_asset(b, "/World")
     of_asset = Usd.Stage.Open(asset)
     of_asset.CreateClassPrim("/_class_floor")
     of_asset.GetPrimAtPath("/World").GetInherits().AddInherit("/_class_floor")
