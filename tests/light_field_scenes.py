@@ -13,7 +13,7 @@ from usdslf.elements import ElementLookup, Elements, sample_elements
 from usdslf.gpu.device import Device
 from usdslf.light_field import LightField
 from usdslf.lights import static_light
-from usdslf.scene import Light, Material, Mesh, Scene, constant
+from usdslf.scene.records import Light, Material, Mesh, Scene, constant
 from usdslf.visibility import ESCAPES, RayTracer, Visibility, trace_visibility
 
 

@@ -14,7 +14,7 @@ from reference.preview_surface_inputs import FALLBACKS, reflectance
 
 from usdslf.edits import MaterialChange, Reflectance
 from usdslf.images import write_image
-from usdslf.scene import Material, PrimvarInput, Texture, constant
+from usdslf.scene.records import Material, PrimvarInput, Texture, constant
 from usdslf.usd.author import author_look, author_review_root
 from usdslf.usd.look_layer import bound_relationship, preview_surface
 from usdslf.usd.wins import AuthoredEdit

@@ -19,7 +19,7 @@ from test_session import EYE, FLOOR, LAMP, POWER, SIZE, dabs, places, seen
 
 import usdslf
 from usdslf.nearest import nearest_on_triangles
-from usdslf.scene import Mesh, Scene
+from usdslf.scene.records import Mesh, Scene
 from usdslf.session import Session
 from usdslf.strokes import Stroke
 from usdslf.surface import SurfacePoints, evaluate_surface

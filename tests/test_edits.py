@@ -20,7 +20,7 @@ from usdslf.edits import (
     material_change_to_input_edits,
 )
 from usdslf.errors import AuthorError
-from usdslf.scene import Material, PrimvarInput, Texture, constant
+from usdslf.scene.records import Material, PrimvarInput, Texture, constant
 from usdslf.workflow import ior_for
 
 RED = (0.6, 0.2, 0.1)

@@ -14,7 +14,7 @@ from usdslf.elements import ElementLookup, sample_elements, share_out
 from usdslf.errors import StageError
 from usdslf.gpu.device import open_device
 from usdslf.lookup_cells import cell_centres, cell_of
-from usdslf.scene import Camera, Material, PrimvarInput, constant
+from usdslf.scene.records import Camera, Material, PrimvarInput, constant
 from usdslf.visibility import BLOCKED, ESCAPES, RayTracer, points_at
 
 

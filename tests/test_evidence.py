@@ -19,7 +19,7 @@ from usdslf.gpu.device import Device
 from usdslf.light_set import LightSet
 from usdslf.low_discrepancy import random_shifts, sobol_points
 from usdslf.reflectance import gloss_levels
-from usdslf.scene import Light
+from usdslf.scene.records import Light
 from usdslf.strokes import Stroke
 
 LEVELS = gloss_levels("preview_surface")

@@ -20,7 +20,7 @@ from stage_parts import StageBuilder
 
 import usdslf
 from usdslf.anchors import locate_stroke
-from usdslf.scene import Scene
+from usdslf.scene.records import Scene
 from usdslf.session import Session
 from usdslf.strokes import Stroke
 from usdslf.usd.read import read_scene

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, UsdSkel, Vt
 
-from usdslf.scene import Mesh
+from usdslf.scene.records import Mesh
 from usdslf.usd import geometry
 from usdslf.usd.geometry import read_meshes
 

@@ -14,7 +14,7 @@ import pytest
 from usdslf import images
 from usdslf.errors import InputError
 from usdslf.images import latlong_directions, load_latlong, read_image, sample_texture, write_image
-from usdslf.scene import Texture
+from usdslf.scene.records import Texture
 
 # As seen: upper row A B, lower row C D; values are exact in half floats.
 A, B, C, D = (0.25, 0, 0), (0, 0.5, 0), (0, 0, 0.75), (1.0, 1.0, 1.0)

@@ -16,7 +16,7 @@ from usdslf.elements import Elements
 from usdslf.gpu.device import Device, Kernel
 from usdslf.lights import static_light
 from usdslf.reflectance import roughness_levels
-from usdslf.scene import Light
+from usdslf.scene.records import Light
 from usdslf.visibility import ESCAPES
 
 Z = bin_directions()[:, 2]

@@ -13,7 +13,7 @@ from usdslf.dome import Dome
 from usdslf.images import write_image
 from usdslf.lights import default_lights, intersect_light, is_delta, sample_light, static_light
 from usdslf.low_discrepancy import random_shifts, sobol_points
-from usdslf.scene import Camera, Light, Material, Mesh, Scene
+from usdslf.scene.records import Camera, Light, Material, Mesh, Scene
 from usdslf.visibility import ESCAPES, RayTracer
 
 SPHERE, _ = ref.fibonacci_cone(20_000)

@@ -11,7 +11,7 @@ from pxr import Usd
 
 from usdslf.color import color_of
 from usdslf.images import write_image
-from usdslf.scene import Camera, Light
+from usdslf.scene.records import Camera, Light
 from usdslf.usd.cameras import read_cameras
 from usdslf.usd.lights import read_lights, size_factor
 from usdslf.usd.notes import Notes

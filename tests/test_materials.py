@@ -11,7 +11,7 @@ from pxr import Usd
 
 from usdslf.color import color_of
 from usdslf.images import write_image
-from usdslf.scene import Material, PrimvarInput, Texture
+from usdslf.scene.records import Material, PrimvarInput, Texture
 from usdslf.usd.materials import MaterialTable
 from usdslf.usd.notes import Notes
 

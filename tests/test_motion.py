@@ -14,7 +14,7 @@ from moving_stages import FRAMES
 import usdslf
 from usdslf.elements import ElementLookup
 from usdslf.motion import move_elements, retrace
-from usdslf.moved import Moved, Space, find_moved, why_not_comparable
+from usdslf.scene.difference import Moved, Space, find_moved, why_not_comparable
 from usdslf.session import Session
 from usdslf.visibility import BLOCKED, Visibility, trace_visibility
 

@@ -31,7 +31,7 @@ from stage_textures import write_image
 from test_session import FLOOR, places
 
 import usdslf
-from usdslf.scene import Texture
+from usdslf.scene.records import Texture
 from usdslf.usd.read import read_scene
 
 Run = Callable[..., tuple[int, str, str]]

@@ -14,7 +14,7 @@ from test_render import camera_at, ground, matte, picture
 from usdslf.final_gather import Gatherer
 from usdslf.gpu.device import Device
 from usdslf.light_filter import TILE, LightFilter, tiles_within, worst_tiles
-from usdslf.scene import Material, constant
+from usdslf.scene.records import Material, constant
 from usdslf.shading import ShadingPoints
 
 SIZE = (128, 96)

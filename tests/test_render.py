@@ -17,7 +17,6 @@ from reference.reflectance import albedo, integrate_columns, preview_surface
 from reference.shapes import band, make_scene, quad, sphere
 
 import usdslf.render as render_module
-from usdslf.camera_rays import camera_rays, project_points
 from usdslf.elements import sample_elements
 from usdslf.errors import InputError
 from usdslf.gpu.device import Device
@@ -25,7 +24,8 @@ from usdslf.light_guide import LightGuide
 from usdslf.light_set import LightSet
 from usdslf.reflectance import directional_albedo, lobe_parameter
 from usdslf.render import AOVS, render
-from usdslf.scene import Camera, Light, Material, Scene, Texture, constant
+from usdslf.scene.cameras import camera_rays, project_points
+from usdslf.scene.records import Camera, Light, Material, Scene, Texture, constant
 from usdslf.shading import Lobes, shading_points
 from usdslf.surface import evaluate_surface
 from usdslf.visibility import RayTracer

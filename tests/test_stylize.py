@@ -16,7 +16,7 @@ from usdslf.directions import D
 from usdslf.errors import AuthorError, InputError
 from usdslf.gpu.device import Device
 from usdslf.light_field import Surface
-from usdslf.scene import Light
+from usdslf.scene.records import Light
 from usdslf.stylize import (
     Stylized,
     check_numbers,

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from usdslf.images import write_image
-from usdslf.scene import Material, Mesh, PrimvarInput, Scene, Texture, constant
+from usdslf.scene.records import Material, Mesh, PrimvarInput, Scene, Texture, constant
 from usdslf.surface import evaluate_opacity, evaluate_surface, is_opaque
 
 CENTRE = [[1 / 3, 1 / 3]]

@@ -13,7 +13,7 @@ from scipy.ndimage import uniform_filter
 from test_author_texture import textured_shot
 
 from usdslf.edits import MaterialChange, Reflectance
-from usdslf.scene import Scene
+from usdslf.scene.records import Scene
 from usdslf.surface import SurfacePoints, evaluate_surface
 from usdslf.usd.read import read_scene
 

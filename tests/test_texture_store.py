@@ -21,7 +21,7 @@ from usdslf import images, texture_store
 from usdslf.color import Color
 from usdslf.image_files import folder
 from usdslf.images import sample_texture
-from usdslf.scene import Texture
+from usdslf.scene.records import Texture
 from usdslf.texture_store import PagedTexels, load_image
 
 WIDTH, HEIGHT = 203, 131  # no multiple of a tile

@@ -8,7 +8,7 @@ from reference.visibility import first_hits, nearest_elements, square_cells
 from usdslf.directions import D, bin_directions
 from usdslf.elements import ElementLookup, sample_elements
 from usdslf.gpu.device import open_device
-from usdslf.scene import Material, Texture, constant
+from usdslf.scene.records import Material, Texture, constant
 from usdslf.visibility import (
     BATCH,
     BLOCKED,

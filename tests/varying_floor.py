@@ -12,7 +12,7 @@ from reference.solve import radiance
 from stage_parts import InputValue, StageBuilder, rectangle
 
 from usdslf.nearest import nearest_on_triangles
-from usdslf.scene import Scene
+from usdslf.scene.records import Scene
 from usdslf.strokes import Stroke
 from usdslf.surface import SurfacePoints, evaluate_surface
 

@@ -36,7 +36,7 @@ from usdslf.errors import UsdslfError
 from usdslf.plugin_path import announce_schema
 
 if TYPE_CHECKING:
-    from usdslf.scene import Scene
+    from usdslf.scene.records import Scene
     from usdslf.session import Session, open
     from usdslf.strokes import Stroke, paint_stroke
     from usdslf.usd.stroke_layer import read_strokes, write_strokes
@@ -59,7 +59,7 @@ __all__ = [
 
 # Loaded at first use, so that `usdslf --help` and `usdslf doctor` neither wait for USD nor need OpenCL.
 _HOME = {
-    "Scene": "usdslf.scene",
+    "Scene": "usdslf.scene.records",
     "Session": "usdslf.session",
     "open": "usdslf.session",
     "Stroke": "usdslf.strokes",

@@ -15,11 +15,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from usdslf.anchors import locate_stroke
-from usdslf.camera_rays import camera_rays
 from usdslf.elements import Elements
 from usdslf.errors import InputError
 from usdslf.propagate import Places, Weights, gate, most_similar, places_at, reach_of
-from usdslf.scene import F32, Camera, Scene
+from usdslf.scene.cameras import camera_rays
+from usdslf.scene.records import F32, Camera, Scene
 from usdslf.strokes import Stroke, dab_rows
 
 if TYPE_CHECKING:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from usdslf.errors import StrokeError
 from usdslf.nearest import nearest_on_triangles, triangles_within
-from usdslf.scene import F32, F64, I32, Scene
+from usdslf.scene.records import F32, F64, I32, Scene
 
 if TYPE_CHECKING:
     from usdslf.strokes import Stroke

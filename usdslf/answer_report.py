@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from usdslf.answers import Answer, alike_means, means_of
 from usdslf.changes import shown_on
 from usdslf.edits import inferred
-from usdslf.scene import Scene
+from usdslf.scene.records import Scene
 from usdslf.strokes import Stroke
 from usdslf.stylize import Stylized
 from usdslf.usd.wins import AuthoredEdit

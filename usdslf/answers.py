@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from usdslf.evidence import Evidence, Samples, build_evidence
 from usdslf.propagate import Places
-from usdslf.scene import Scene
+from usdslf.scene.records import Scene
 from usdslf.solve import Candidate
 from usdslf.strokes import Stroke
 from usdslf.tables import Tables

@@ -25,7 +25,7 @@ from scipy.spatial import cKDTree
 from usdslf.color import Color, color_of
 from usdslf.errors import AuthorError
 from usdslf.images import load_texture
-from usdslf.scene import F32, F64, Scene, Texture
+from usdslf.scene.records import F32, F64, Scene, Texture
 from usdslf.texel_cover import nearest_covered, texel_points
 from usdslf.texels import Texels
 from usdslf.texture_store import Image

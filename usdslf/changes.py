@@ -22,7 +22,7 @@ from usdslf.color import Color
 from usdslf.edits import InputEdit, MaterialChange, Reflectance, material_change_to_input_edits
 from usdslf.light_field import LightField
 from usdslf.propagate import Places, places_at
-from usdslf.scene import Scene
+from usdslf.scene.records import Scene
 from usdslf.solve import Candidate
 from usdslf.strokes import Stroke
 from usdslf.stylize import MaterialStyle

@@ -210,8 +210,8 @@ def render(
 ) -> None:  # fmt: skip
     """A picture of direct and indirect light."""
     from usdslf import propagate
-    from usdslf.camera_rays import film_size
     from usdslf.outputs import SIMILARITY, check_picture, write_picture
+    from usdslf.scene.cameras import film_size
     from usdslf.usd.edited import open_edited
 
     check_picture(output, aovs)

@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from usdslf.scene import F32, F64, Light
+from usdslf.scene.records import F32, F64, Light
 
 TABLE_ROWS = 512  # of the pixels that directions are drawn by
 FILTER_TEXELS = 0.8  # side of the solid angle asked for, in texels of the filtered map: see `Dome.radiance`

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from usdslf.errors import AuthorError
-from usdslf.scene import F64, Input, Material, PrimvarInput, Texture
+from usdslf.scene.records import F64, Input, Material, PrimvarInput, Texture
 from usdslf.surface import MIN_ROUGHNESS
 from usdslf.workflow import SurfaceInputs, error_of, inputs_for, reflectance_of
 

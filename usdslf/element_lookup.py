@@ -26,12 +26,12 @@ from usdslf.lookup_cells import (
     wanted_divisions,
 )
 from usdslf.near_elements import NEAR, NONE, near_elements
-from usdslf.scene import F32, Scene
+from usdslf.scene.records import F32, Scene
 
 if TYPE_CHECKING:
     from usdslf.elements import Elements
     from usdslf.gpu.device import Device
-    from usdslf.moved import Moved
+    from usdslf.scene.difference import Moved
     from usdslf.visibility import RayTracer
 
 BLEND = 4  # of them are blended at a point

@@ -24,7 +24,7 @@ from usdslf.light_field import LightField
 from usdslf.light_set import LightSet
 from usdslf.low_discrepancy import random_shifts, sobol_points
 from usdslf.reflectance import gloss_levels, lobe_parameter
-from usdslf.scene import Scene
+from usdslf.scene.records import Scene
 from usdslf.strokes import Stroke, dab_rows
 from usdslf.surface import SurfacePoints, evaluate_surface
 

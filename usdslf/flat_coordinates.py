@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from usdslf.scene import F64, Scene, Texture
+from usdslf.scene.records import F64, Scene, Texture
 from usdslf.texel_cover import texel_points
 
 GRID = 128  # texels on a side that tell whether triangles lie upon each other

@@ -27,7 +27,7 @@ from usdslf.propagate import Weights, reach_of
 from usdslf.reach import dimming, error_of, explains_nothing, seems_too_bright
 from usdslf.reflectance import gloss_levels
 from usdslf.residuals import varying_residual
-from usdslf.scene import Scene
+from usdslf.scene.records import Scene
 from usdslf.solve import (
     Candidate,
     Options,

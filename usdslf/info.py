@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from usdslf.light_set import lights_or_default
-from usdslf.scene import Material, PrimvarInput, Scene, Texture
+from usdslf.scene.records import Material, PrimvarInput, Scene, Texture
 
 INPUTS = (
     "diffuse_color", "specular_color", "metallic", "roughness", "ior", "clearcoat", "clearcoat_roughness",

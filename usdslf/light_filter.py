@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from usdslf.gpu.device import Device
 from usdslf.light_set import dot, luminance
-from usdslf.scene import F32
+from usdslf.scene.records import F32
 from usdslf.shading import ShadingPoints, reflect
 
 TILE = 8  # samples on a side that share one low-discrepancy set

@@ -19,7 +19,7 @@ from usdslf.blue_noise import surface_coordinates
 from usdslf.directions import SIDE, D, bin_directions
 from usdslf.gpu.device import Device
 from usdslf.light_set import LightSet, luminance
-from usdslf.scene import F32, I32
+from usdslf.scene.records import F32, I32
 from usdslf.visibility import thread_count
 
 if TYPE_CHECKING:

@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdslf import light_shapes as shapes
-from usdslf.scene import F32, F64, Light
+from usdslf.scene.records import F32, F64, Light
 
 if TYPE_CHECKING:
     from collections.abc import Callable

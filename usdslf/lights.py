@@ -26,7 +26,7 @@ from usdslf.directions import (
 from usdslf.dome import Dome, Peaks, table_index
 from usdslf.light_sampling import LightHit, LightSample, intersect_light, is_delta, sample_light
 from usdslf.low_discrepancy import random_shifts, sobol_points
-from usdslf.scene import F32, Light, Scene
+from usdslf.scene.records import F32, Light, Scene
 from usdslf.visibility import ESCAPES, RayTracer, Visibility, thread_count
 
 if TYPE_CHECKING:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdslf.near_elements import see_each_other
-from usdslf.scene import F64, Light, Material, Scene
+from usdslf.scene.records import F64, Light, Material, Scene
 
 if TYPE_CHECKING:
     from usdslf.visibility import RayTracer

@@ -23,9 +23,9 @@ from usdslf.directions import D, bin_directions
 from usdslf.element_lookup import ElementLookup
 from usdslf.elements import LEAST, Elements
 from usdslf.gpu.device import Device
-from usdslf.moved import Moved, Space
 from usdslf.near_elements import NEAR, NONE
-from usdslf.scene import F32, Scene
+from usdslf.scene.difference import Moved, Space
+from usdslf.scene.records import F32, Scene
 from usdslf.surface import evaluate_surface, is_opaque
 from usdslf.visibility import BLOCKED, RayTracer, Visibility, trace_bins
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from usdslf.blue_noise import surface_coordinates
-from usdslf.scene import F32
+from usdslf.scene.records import F32
 
 if TYPE_CHECKING:
     from usdslf.elements import Elements

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from usdslf.scene import F64
+from usdslf.scene.records import F64
 
 CHUNK = 4_000_000  # pairs of point and triangle that are looked at together
 

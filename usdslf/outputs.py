@@ -15,7 +15,7 @@ from usdslf.color import color_of
 from usdslf.errors import InputError, UsdslfError
 from usdslf.images import write_image
 from usdslf.render import AOVS
-from usdslf.scene import Scene
+from usdslf.scene.records import Scene
 
 PICTURE_TYPES = (".exr", ".png")
 SIMILARITY = "similarity"  # to strokes: no layer of the renderer; a PNG can hold it alone, in grey

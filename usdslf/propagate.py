@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from usdslf.errors import InputError
-from usdslf.scene import F64, Scene
+from usdslf.scene.records import F64, Scene
 from usdslf.surface import SurfacePoints, evaluate_surface
 
 REFLECTANCE_STEP = 0.08  # of d, F0 and roughness together, that is clearly seen

@@ -18,13 +18,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from usdslf.camera_rays import camera_rays, pixel_size
 from usdslf.errors import InputError
 from usdslf.final_gather import FOOTPRINT, MAX_DEPTH, Gatherer, RadianceOfHits
 from usdslf.gpu.device import Device
 from usdslf.light_filter import NEAR_TILE, TILE, LightFilter
 from usdslf.light_set import LightSet, brightest
-from usdslf.scene import F32, Camera, Light, Scene
+from usdslf.scene.cameras import camera_rays, pixel_size
+from usdslf.scene.records import F32, Camera, Light, Scene
 from usdslf.shading import ShadingPoints, reflect, shading_points
 from usdslf.surface import SurfacePoints, evaluate_surface
 from usdslf.visibility import RayTracer

@@ -14,7 +14,7 @@ from usdslf.answers import Answer, Painted
 from usdslf.evidence import evaluate_columns, mean_by, unchanging_radiance
 from usdslf.light_field import LightField
 from usdslf.propagate import places_of
-from usdslf.scene import Scene
+from usdslf.scene.records import Scene
 from usdslf.surface import evaluate_surface
 from usdslf.tables import bilinear
 from usdslf.varying import Varying

@@ -32,13 +32,13 @@ from usdslf.infer_indirect import infer_indirect
 from usdslf.light_field import LightField, Surface, require_memory
 from usdslf.light_set import LightSet, lights_or_default
 from usdslf.lights import static_light
-from usdslf.moved import why_not_comparable
 from usdslf.overview import overview_camera
 from usdslf.propagate import Weights
 from usdslf.reflectance import MODELS
 from usdslf.render import render
 from usdslf.residuals import residual_as_preview, residual_as_written
-from usdslf.scene import Camera, Light, Scene
+from usdslf.scene.difference import why_not_comparable
+from usdslf.scene.records import Camera, Light, Scene
 from usdslf.solve import Options
 from usdslf.strokes import Stroke
 from usdslf.style_changes import with_styles

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from usdslf.gpu.device import Device
 from usdslf.light_guide import SHARE, LightGuide
 from usdslf.light_set import dot, luminance
-from usdslf.scene import F32, I32
+from usdslf.scene.records import F32, I32
 from usdslf.surface import SurfacePoints
 from usdslf.visibility import RayTracer
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, fields, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from usdslf.scene import F32, F64, I32
+from usdslf.scene.records import F32, F64, I32
 from usdslf.smooth_normals import corner_normals, cross, limit_normals
 from usdslf.subdivide import (
     Net,

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from usdslf.scene import F64
+from usdslf.scene.records import F64
 from usdslf.subdivide import Net
 
 I64 = NDArray[np.int64]

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdslf.errors import InputError
-from usdslf.scene import F64
+from usdslf.scene.records import F64
 from usdslf.tables import Tables
 
 GROUPS = ("diffuse", "specular", "glossiness")

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from usdslf.camera_rays import project_points
 from usdslf.color import Color
-from usdslf.scene import F32, Camera
+from usdslf.scene.cameras import project_points
+from usdslf.scene.records import F32, Camera
 from usdslf.strokes import Stroke
 
 RIM = 1.5  # pixels of white around a dab, so that a dab of the surface's own colour shows

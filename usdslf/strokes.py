@@ -20,9 +20,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from usdslf.anchors import points_on_triangles, turned_towards, unit
-from usdslf.camera_rays import camera_rays, film_aspect, project_points
 from usdslf.errors import StrokeError
-from usdslf.scene import F32, F64, I32, Camera, Scene
+from usdslf.scene.cameras import camera_rays, film_aspect, project_points
+from usdslf.scene.records import F32, F64, I32, Camera, Scene
 
 if TYPE_CHECKING:
     from usdslf.visibility import RayTracer

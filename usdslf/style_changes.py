@@ -18,7 +18,7 @@ from usdslf.color import Color
 from usdslf.edits import ByVertex, MaterialChange
 from usdslf.elements import Elements
 from usdslf.propagate import Places
-from usdslf.scene import F64, Scene
+from usdslf.scene.records import F64, Scene
 from usdslf.stylize import MaterialStyle, Stylized
 from usdslf.upsample import upsampling_weights
 

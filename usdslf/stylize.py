@@ -29,7 +29,7 @@ from usdslf.element_solve import OWN, ElementCandidates, choose_candidates, enum
 from usdslf.elements import Elements
 from usdslf.errors import AuthorError, InputError
 from usdslf.light_field import LightField, Surface
-from usdslf.scene import F64, Scene
+from usdslf.scene.records import F64, Scene
 from usdslf.surroundings import Surroundings
 
 AMOUNT, MOST_AMOUNT = 1.0, 10.0

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
-from usdslf.scene import F64
+from usdslf.scene.records import F64
 
 I64 = NDArray[np.int64]
 Bool = NDArray[np.bool_]

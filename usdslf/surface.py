@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from usdslf.color import USD_DEFAULT_SPACE, Color, color_of
 from usdslf.images import sample_texture
-from usdslf.scene import F32, I32, Input, Material, PrimvarInput, Scene, Texture
+from usdslf.scene.records import F32, I32, Input, Material, PrimvarInput, Scene, Texture
 
 MIN_ROUGHNESS = 0.001
 _COLORS = ("diffuse_color", "specular_color", "emissive_color")

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from usdslf.elements import Elements
-from usdslf.scene import F32, I32
+from usdslf.scene.records import F32, I32
 
 if TYPE_CHECKING:
     from usdslf.visibility import RayTracer

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdslf.evidence import Evidence, mean_by
-from usdslf.scene import F64
+from usdslf.scene.records import F64
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from usdslf.scene import F64
+from usdslf.scene.records import F64
 from usdslf.shape import Polygons, Values
 
 AROUND = 96  # segments of a full turn

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import distance_transform_edt
 
-from usdslf.scene import F64
+from usdslf.scene.records import F64
 
 PIECE = 1 << 21  # texels at a time
 

@@ -12,7 +12,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from usdslf.scene import F32
+from usdslf.scene.records import F32
 
 WRAPS = ("black", "clamp", "repeat", "mirror")
 EDGE = 1e-5  # st this far outside 0..1 still counts as inside for wrap mode black

@@ -37,7 +37,7 @@ from usdslf.image_files import (
     stamp_of,
     write_tiled_copy,
 )
-from usdslf.scene import F32
+from usdslf.scene.records import F32
 from usdslf.texels import Texels, four_channels
 
 MEMORY_MB = 1024.0  # of tiles

@@ -33,7 +33,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from usdslf.anchors import Located, locate_stroke, points_on_triangles
-from usdslf.camera_rays import camera_rays
 from usdslf.errors import StrokeError
 from usdslf.evidence import (
     Samples,
@@ -48,7 +47,8 @@ from usdslf.light_field import LightField
 from usdslf.light_set import LightSet
 from usdslf.low_discrepancy import random_shifts, sobol_points
 from usdslf.nearest import nearest_on_triangles
-from usdslf.scene import F64, Camera, Scene
+from usdslf.scene.cameras import camera_rays
+from usdslf.scene.records import F64, Camera, Scene
 from usdslf.strokes import Stroke
 from usdslf.surface import evaluate_surface
 from usdslf.tables import bilinear

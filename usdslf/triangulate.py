@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from usdslf.scene import F64
+from usdslf.scene.records import F64
 from usdslf.smooth_normals import cross
 
 I64 = NDArray[np.int64]

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import cKDTree
 
 from usdslf.propagate import Places
-from usdslf.scene import F64
+from usdslf.scene.records import F64
 
 NEAREST = 16
 APPEARANCE_STEP = 0.06  # of d, F0 and roughness together

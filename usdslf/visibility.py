@@ -24,7 +24,7 @@ from embreex.rtcore_scene import EmbreeScene
 from numpy.typing import NDArray
 
 from usdslf.directions import D, bin_directions
-from usdslf.scene import F32, I32, Scene
+from usdslf.scene.records import F32, I32, Scene
 from usdslf.surface import evaluate_opacity, is_opaque
 
 if TYPE_CHECKING:

@@ -26,7 +26,7 @@ from usdslf.elements import (
     take_points,
 )
 from usdslf.living_sides import ROUNDS, find_living_points, share_of_living
-from usdslf.scene import F32, I32, Scene
+from usdslf.scene.records import F32, I32, Scene
 from usdslf.surface import SurfacePoints, evaluate_surface
 
 if TYPE_CHECKING:

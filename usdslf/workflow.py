@@ -20,7 +20,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from usdslf.scene import F64
+from usdslf.scene.records import F64
 
 MAX_IOR = 1000.0  # F0 = 0.996; above it a dielectric is a mirror
 NATURAL_IOR = 3.0  # F0 = 0.25; no dielectric has more

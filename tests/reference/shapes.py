@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from usdslf.scene import Light, Material, Mesh, Scene
+from usdslf.scene.records import Light, Material, Mesh, Scene
 
 
 def make_mesh(positions, triangles, material=0, path="/m"):

@@ -17,7 +17,7 @@ from usdslf.demo_shapes import curve, lathe, panel
 from usdslf.gallery.play import Play
 from usdslf.gallery.records import Dabs, Entry, on_picture
 from usdslf.images import write_image
-from usdslf.scene import F32
+from usdslf.scene.records import F32
 from usdslf.session import Session
 from usdslf.shot import Inputs, Lamp, Part, Shot, View
 

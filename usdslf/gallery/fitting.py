@@ -20,7 +20,7 @@ from usdslf.gallery.plots import Axis, bars, lines
 from usdslf.gallery.records import Dabs, Entry, Step, on_picture
 from usdslf.light_field import LightField
 from usdslf.reflectance import column_weights, distinctness_of_gloss, gloss_levels
-from usdslf.scene import F64
+from usdslf.scene.records import F64
 from usdslf.session import Session
 from usdslf.shot import Inputs
 

@@ -15,7 +15,7 @@ from usdslf.demo_shapes import Shape, ball, panel, rounded_box, turned_about
 from usdslf.gallery.play import Play
 from usdslf.gallery.records import Entry
 from usdslf.propagate import Weights
-from usdslf.scene import F32
+from usdslf.scene.records import F32
 from usdslf.shot import Inputs, Lamp, Part, Shot, View
 
 SIZE = (320, 180)

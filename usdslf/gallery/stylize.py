@@ -13,7 +13,7 @@ from usdslf.gallery.play import Play
 from usdslf.gallery.records import Entry
 from usdslf.gallery.still_life import build
 from usdslf.outputs import write_json
-from usdslf.scene import F32
+from usdslf.scene.records import F32
 
 SMALL, SAMPLES = (160, 90), 4  # of the pictures that contrast is measured in
 BLUR = 8.0  # of them [pixels]

@@ -11,12 +11,12 @@ from pathlib import Path
 import numpy as np
 
 from usdslf.anchors import unit
-from usdslf.camera_rays import project_points
 from usdslf.demo_shapes import ball, panel
 from usdslf.demo_textures import planks, studio
 from usdslf.gallery.play import Play
 from usdslf.gallery.records import Entry
 from usdslf.images import write_image
+from usdslf.scene.cameras import project_points
 from usdslf.shot import Inputs, Lamp, Part, Shot, View
 
 TOOLS = ("blur", "sharpen", "brighten", "darken", "replace", "clone", "fixate")

@@ -16,7 +16,7 @@ from usdslf.gallery.play import Play
 from usdslf.gallery.records import Entry
 from usdslf.images import write_image
 from usdslf.propagate import places_at
-from usdslf.scene import F32, F64
+from usdslf.scene.records import F32, F64
 from usdslf.shot import Inputs, Lamp, Part, Shot, View
 from usdslf.texel_cover import texel_points
 from usdslf.upsample import upsample

@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from pxr import Gf, Usd, UsdGeom
 
-from usdslf.scene import F64, Camera
+from usdslf.scene.records import F64, Camera
 from usdslf.usd.notes import Notes
 
 

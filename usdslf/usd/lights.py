@@ -18,7 +18,7 @@ from pxr import Sdf, Usd, UsdGeom, UsdLux
 
 from usdslf import images
 from usdslf.color import USD_DEFAULT_SPACE, Color
-from usdslf.scene import F64, Light
+from usdslf.scene.records import F64, Light
 from usdslf.usd.materials import color_space_of
 from usdslf.usd.notes import Notes
 

@@ -17,7 +17,7 @@ from pxr import Sdf, Usd, UsdGeom, UsdShade
 
 from usdslf import images
 from usdslf.color import USD_DEFAULT_SPACE, Color
-from usdslf.scene import Input, Material, Mesh, PrimvarInput, Texture, constant
+from usdslf.scene.records import Input, Material, Mesh, PrimvarInput, Texture, constant
 from usdslf.texels import WRAPS
 from usdslf.usd.notes import Notes
 

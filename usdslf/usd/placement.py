@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from pxr import Gf, Usd, UsdGeom
 
-from usdslf.scene import F64
+from usdslf.scene.records import F64
 from usdslf.usd.notes import Notes
 from usdslf.usd.primvars import read_primvars
 

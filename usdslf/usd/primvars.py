@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pxr import Usd, UsdGeom
 
-from usdslf.scene import F64
+from usdslf.scene.records import F64
 from usdslf.shape import Values
 from usdslf.usd.notes import Notes
 

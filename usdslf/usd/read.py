@@ -13,7 +13,7 @@ from pxr import Pcp, Sdf, Tf, Usd, UsdGeom, UsdUtils
 
 from usdslf.color import USD_DEFAULT_SPACE, color_of
 from usdslf.errors import StageError
-from usdslf.scene import Material, Mesh, PrimvarInput, Scene, Texture
+from usdslf.scene.records import Material, Mesh, PrimvarInput, Scene, Texture
 from usdslf.usd.cameras import read_cameras
 from usdslf.usd.geometry import read_meshes
 from usdslf.usd.lights import read_lights

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from pxr import Usd, UsdGeom, UsdSkel, Vt
 
-from usdslf.scene import F64
+from usdslf.scene.records import F64
 from usdslf.usd.notes import Notes
 
 

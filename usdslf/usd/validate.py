@@ -39,7 +39,7 @@ from usdslf.usd.stroke_layer import SCOPE, read_strokes
 from usdslf.usd.wins import why_hidden
 
 if TYPE_CHECKING:
-    from usdslf.scene import Scene
+    from usdslf.scene.records import Scene
 
 _UNIT = (0.0, 1.0)
 RANGES = {

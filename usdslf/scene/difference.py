@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from usdslf.scene import F64, Material, Scene
+from usdslf.scene.records import F64, Material, Scene
 from usdslf.surface import is_opaque
 
 GROUPS = 16  # and three more at most

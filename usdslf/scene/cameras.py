@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from usdslf.scene import F32, Camera
+from usdslf.scene.records import F32, Camera
 
 APERTURE_UNIT = 0.1  # stage units in one unit of aperture of an orthographic camera (GfCamera::APERTURE_UNIT)
 

@@ -1,0 +1,1 @@
+"""Records of a shot, and what needs them alone."""
