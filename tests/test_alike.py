@@ -14,13 +14,13 @@ from stage_parts import ball as stage_ball
 from varying_floor import GREY, add_lamp, places, seen, surface_at
 from varying_floor import stroke as dabs
 
-from usdslf.demo_shapes import ball, panel
 from usdslf.errors import StrokeError
 from usdslf.light_field import LightField
+from usdslf.procedural.shapes import ball, panel
+from usdslf.procedural.shot import Lamp, Part, Shot, View
 from usdslf.propagate import Weights
 from usdslf.scene.cameras import project_points
 from usdslf.session import Session
-from usdslf.shot import Lamp, Part, Shot, View
 from usdslf.strokes import Stroke, paint_stroke
 from usdslf.usd.build_stage import write_stage
 from usdslf.usd.stroke_layer import write_strokes

@@ -12,8 +12,8 @@ from pxr import Usd
 from reference.mitsuba_setup import why_no_pathtracer
 
 from usdslf import demo
-from usdslf.demo_shapes import Shape, ball, curve, lathe, rounded_box, torus, tube
 from usdslf.gallery.still_life import MATERIALS, RADIUS, STROKES, TRUTH, build
+from usdslf.procedural.shapes import Shape, ball, curve, lathe, rounded_box, torus, tube
 from usdslf.usd.build_stage import write_stage
 
 INPUTS = {"diffuse": "diffuseColor", "specular": "specularColor", "glossiness": "roughness"}

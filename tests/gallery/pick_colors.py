@@ -18,7 +18,7 @@ from pxr import Usd
 from reference.pathtracer import Tracer, camera_rays
 
 from usdslf.gallery.play import SIZE
-from usdslf.shot import Inputs, Shot
+from usdslf.procedural.shot import Inputs, Shot
 from usdslf.usd.build_stage import write_stage
 
 

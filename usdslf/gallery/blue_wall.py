@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
-from usdslf.demo_shapes import panel, rounded_box
 from usdslf.gallery.play import Play, changed_material
 from usdslf.gallery.records import Entry, Point, Rgb, Step
-from usdslf.shot import Inputs, Lamp, Part, Shot, View
+from usdslf.procedural.shapes import panel, rounded_box
+from usdslf.procedural.shot import Inputs, Lamp, Part, Shot, View
 
 RADIUS = 0.012
 MATERIALS: dict[str, Inputs] = {

@@ -11,10 +11,10 @@ from pathlib import Path
 
 import numpy as np
 
-from usdslf.demo_shapes import ball, lathe, panel, rounded_box
 from usdslf.gallery.play import Play, changed_material
 from usdslf.gallery.records import Entry, Rgb
-from usdslf.shot import Inputs, Lamp, Part, Shot, View
+from usdslf.procedural.shapes import ball, lathe, panel, rounded_box
+from usdslf.procedural.shot import Inputs, Lamp, Part, Shot, View
 
 RADIUS = 0.012
 MATERIALS: dict[str, Inputs] = {

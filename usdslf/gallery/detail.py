@@ -13,13 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
-from usdslf.demo_shapes import curve, lathe, panel
 from usdslf.gallery.play import Play
 from usdslf.gallery.records import Dabs, Entry, on_picture
 from usdslf.images import write_image
+from usdslf.procedural.shapes import curve, lathe, panel
+from usdslf.procedural.shot import Inputs, Lamp, Part, Shot, View
 from usdslf.scene.records import F32
 from usdslf.session import Session
-from usdslf.shot import Inputs, Lamp, Part, Shot, View
 
 RADIUS = 0.012
 SMALL = (320, 180)  # of the pictures that detail is compared in

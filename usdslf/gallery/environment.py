@@ -5,9 +5,9 @@ from __future__ import annotations
 import shutil
 from pathlib import Path
 
-from usdslf.demo_textures import windows
 from usdslf.errors import InputError
 from usdslf.images import read_image, write_image
+from usdslf.procedural.textures import windows
 
 
 def put_environment(folder: Path, hdri: str | None) -> str:

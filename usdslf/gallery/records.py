@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from usdslf.shot import Shot
+from usdslf.procedural.shot import Shot
 
 if TYPE_CHECKING:
     from usdslf.answers import Answer

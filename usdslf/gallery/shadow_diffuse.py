@@ -12,11 +12,11 @@ from pathlib import Path
 
 import numpy as np
 
-from usdslf.demo_shapes import Shape, curve, lathe, panel, rounded_box
 from usdslf.gallery.play import Play
 from usdslf.gallery.records import Dabs, Entry, on_picture
 from usdslf.gallery.still_life import teapot
-from usdslf.shot import Inputs, Lamp, Part, Shot, View
+from usdslf.procedural.shapes import Shape, curve, lathe, panel, rounded_box
+from usdslf.procedural.shot import Inputs, Lamp, Part, Shot, View
 
 RADIUS = 0.014
 MATERIALS: dict[str, Inputs] = {

@@ -11,12 +11,12 @@ import numpy as np
 from scipy.stats import spearmanr
 
 from usdslf.color import color_of
-from usdslf.demo_shapes import Shape, ball, panel, rounded_box, turned_about
 from usdslf.gallery.play import Play
 from usdslf.gallery.records import Entry
+from usdslf.procedural.shapes import Shape, ball, panel, rounded_box, turned_about
+from usdslf.procedural.shot import Inputs, Lamp, Part, Shot, View
 from usdslf.propagate import Weights
 from usdslf.scene.records import F32
-from usdslf.shot import Inputs, Lamp, Part, Shot, View
 
 SIZE = (320, 180)
 RADIUS = 0.07

@@ -15,7 +15,10 @@ from pathlib import Path
 
 import numpy as np
 
-from usdslf.demo_shapes import (
+from usdslf.gallery.play import Play
+from usdslf.gallery.records import Dabs, Entry, Point, Rgb
+from usdslf.images import write_image
+from usdslf.procedural.shapes import (
     Shape,
     ball,
     curve,
@@ -27,11 +30,8 @@ from usdslf.demo_shapes import (
     tube,
     turned_about,
 )
-from usdslf.demo_textures import planks, studio
-from usdslf.gallery.play import Play
-from usdslf.gallery.records import Dabs, Entry, Point, Rgb
-from usdslf.images import write_image
-from usdslf.shot import Inputs, Lamp, Part, Shot, View
+from usdslf.procedural.shot import Inputs, Lamp, Part, Shot, View
+from usdslf.procedural.textures import planks, studio
 from usdslf.strokes import Stroke
 
 RADIUS = 0.012  # of a dab, in picture heights

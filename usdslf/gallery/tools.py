@@ -11,13 +11,13 @@ from pathlib import Path
 import numpy as np
 
 from usdslf.anchors import unit
-from usdslf.demo_shapes import ball, panel
-from usdslf.demo_textures import planks, studio
 from usdslf.gallery.play import Play
 from usdslf.gallery.records import Entry
 from usdslf.images import write_image
+from usdslf.procedural.shapes import ball, panel
+from usdslf.procedural.shot import Inputs, Lamp, Part, Shot, View
+from usdslf.procedural.textures import planks, studio
 from usdslf.scene.cameras import project_points
-from usdslf.shot import Inputs, Lamp, Part, Shot, View
 
 TOOLS = ("blur", "sharpen", "brighten", "darken", "replace", "clone", "fixate")
 SIZE, GAP = 0.115, 0.26  # radius of a ball and distance of two

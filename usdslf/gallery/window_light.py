@@ -10,16 +10,16 @@ from pathlib import Path
 
 import numpy as np
 
-from usdslf.demo_shapes import Shape, curve, join, lathe, panel, tube
-from usdslf.demo_textures import planks
 from usdslf.gallery.environment import put_environment
 from usdslf.gallery.play import Play
 from usdslf.gallery.records import Entry, Point
 from usdslf.gallery.still_life import teapot
 from usdslf.images import write_image
+from usdslf.procedural.shapes import Shape, curve, join, lathe, panel, tube
+from usdslf.procedural.shot import Inputs, Lamp, Part, Shot, View
+from usdslf.procedural.textures import planks
 from usdslf.scene.cameras import camera_rays
 from usdslf.session import Session
-from usdslf.shot import Inputs, Lamp, Part, Shot, View
 from usdslf.surface import evaluate_surface
 
 RADIUS = 0.012

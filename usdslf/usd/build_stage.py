@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux, UsdShade, Vt
 
 from usdslf.errors import AuthorError
-from usdslf.shot import Inputs, Lamp, Part, Shot, View
+from usdslf.procedural.shot import Inputs, Lamp, Part, Shot, View
 
 Names = Sdf.ValueTypeNames
 COLORS = ("diffuseColor", "emissiveColor", "specularColor")

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from usdslf.demo_shapes import Shape
+from usdslf.procedural.shapes import Shape
 
 Vec3 = tuple[float, float, float]
 Inputs = Mapping[str, Any]

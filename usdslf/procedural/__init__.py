@@ -1,0 +1,1 @@
+"""Shots built in code, as records."""
