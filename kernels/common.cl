@@ -1,6 +1,6 @@
 /* common.cl: what all kernels share: packed rows of three, frames, the bins of the hemisphere.
  *
- * Device twin of usdslf/directions.py.  Bin d = iy * SIDE + ix of the equal-area concentric map
+ * Device twin of usdslf/sampling/hemisphere.py.  Bin d = iy * SIDE + ix of the equal-area concentric map
  * (Shirley and Chiu 1997); mirroring about the normal is d -> D - 1 - d.
  */
 #ifndef SIDE

@@ -8,11 +8,11 @@ from types import SimpleNamespace
 import numpy as np
 from reference.shapes import make_scene
 
-from usdslf.directions import D, bin_directions
 from usdslf.elements import ElementLookup, Elements, sample_elements
 from usdslf.gpu.device import Device
 from usdslf.light_field import LightField
 from usdslf.lights import static_light
+from usdslf.sampling.hemisphere import D, bin_directions
 from usdslf.scene.records import Light, Material, Mesh, Scene, constant
 from usdslf.visibility import ESCAPES, RayTracer, Visibility, trace_visibility
 

@@ -9,7 +9,9 @@ import pyopencl as cl
 import pytest
 from reference.visibility import square_cells
 
-from usdslf.directions import (
+from usdslf.gpu.device import Device
+from usdslf.gpu.source import kernel_source
+from usdslf.sampling.hemisphere import (
     SIDE,
     SOLID_ANGLE,
     D,
@@ -18,8 +20,6 @@ from usdslf.directions import (
     hemisphere_from_square,
     square_from_hemisphere,
 )
-from usdslf.gpu.device import Device
-from usdslf.gpu.source import kernel_source
 
 PROBE = """
 __kernel void probe(__global const float *l, const uint n, __global int *bin, __global float *centre)

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from tests.reference import lights as ref
-from usdslf.directions import SOLID_ANGLE, D, bin_directions
 from usdslf.dome import Dome, square_of, table_index
 from usdslf.images import write_image
+from usdslf.sampling.hemisphere import SOLID_ANGLE, D, bin_directions
 from usdslf.scene.records import Light
 
 SPHERE, EACH = ref.fibonacci_cone(200_000)

@@ -11,10 +11,10 @@ import pytest
 from light_field_scenes import lone_elements
 from reference.element_least import fit_freely, model
 
-from usdslf.directions import D, bin_directions
 from usdslf.element_solve import FITTED, OWN, enumerate_elements, follows_f0
 from usdslf.gpu.device import Device
 from usdslf.light_field import LightField
+from usdslf.sampling.hemisphere import D, bin_directions
 from usdslf.stylize import ask_elements, choose_surface
 from usdslf.visibility import ESCAPES
 

@@ -11,7 +11,6 @@ from light_field_scenes import lone_elements
 from reference import phong_solver as ref
 from reference.preconvolution import exact_row
 
-from usdslf.directions import D, bin_directions
 from usdslf.element_solve import (
     FACTORS,
     OWN,
@@ -25,6 +24,7 @@ from usdslf.gpu.device import Device
 from usdslf.light_field import LightField, levels_of
 from usdslf.preconvolution import build_level
 from usdslf.reflectance import LEVEL_COUNT, gloss_levels, roughness_levels
+from usdslf.sampling.hemisphere import D, bin_directions
 from usdslf.visibility import ESCAPES
 
 N = 37  # no multiple of a block

@@ -12,13 +12,13 @@ from reference.preconvolution import hemisphere
 from reference.shapes import box, quad
 from reference.visibility import square_cells
 
-from usdslf.directions import D
 from usdslf.errors import StrokeError
 from usdslf.evidence import Evidence, build_evidence, gather_samples
 from usdslf.gpu.device import Device
 from usdslf.light_set import LightSet
-from usdslf.low_discrepancy import random_shifts, sobol_points
 from usdslf.reflectance import gloss_levels
+from usdslf.sampling.hemisphere import D
+from usdslf.sampling.low_discrepancy import random_shifts, sobol_points
 from usdslf.scene.records import Light
 from usdslf.strokes import Stroke
 

@@ -11,11 +11,11 @@ from reference import lights as light_ref
 from reference import reflectance as model_ref
 from reference.shapes import box, lamp, quad, sphere
 
-from usdslf.directions import D, bin_directions
 from usdslf.elements import Elements
 from usdslf.gpu.device import Device, Kernel
 from usdslf.lights import static_light
 from usdslf.reflectance import roughness_levels
+from usdslf.sampling.hemisphere import D, bin_directions
 from usdslf.scene.records import Light
 from usdslf.visibility import ESCAPES
 

@@ -8,8 +8,8 @@ from light_field_scenes import Lit, lit, material
 from reference import light_field as ref
 from reference.shapes import box, lamp, quad, sphere
 
-from usdslf.directions import bin_directions
 from usdslf.gpu.device import Device
+from usdslf.sampling.hemisphere import bin_directions
 
 Z = bin_directions()[:, 2]
 

@@ -12,10 +12,10 @@ from light_field_scenes import Lit, lit, lone_elements, material, world_bins
 from reference.shapes import quad, sphere
 from reference.stylize import masked_light, near_weights
 
-from usdslf.directions import D
 from usdslf.errors import AuthorError, InputError
 from usdslf.gpu.device import Device
 from usdslf.light_field import Surface
+from usdslf.sampling.hemisphere import D
 from usdslf.scene.records import Light
 from usdslf.stylize import (
     Stylized,

@@ -5,9 +5,9 @@ import pytest
 from reference.shapes import box, lamp, make_mesh, make_scene, quad, sphere
 from reference.visibility import first_hits, nearest_elements, square_cells
 
-from usdslf.directions import D, bin_directions
 from usdslf.elements import ElementLookup, sample_elements
 from usdslf.gpu.device import open_device
+from usdslf.sampling.hemisphere import D, bin_directions
 from usdslf.scene.records import Material, Texture, constant
 from usdslf.visibility import (
     BATCH,

@@ -18,12 +18,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from usdslf.directions import D, bin_directions
 from usdslf.frames import Placed, carry
 from usdslf.gallery import still_life
 from usdslf.gallery.play import Play
 from usdslf.gpu.device import Device
 from usdslf.reflectance import LEVEL_COUNT
+from usdslf.sampling.hemisphere import D, bin_directions
 from usdslf.session import Session
 from usdslf.visibility import RayTracer, outgoing_directions, trace_visibility
 

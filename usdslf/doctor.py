@@ -11,9 +11,9 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 import usdslf
-from usdslf.directions import D
 from usdslf.errors import UsdslfError
 from usdslf.plugin_path import schema_folder
+from usdslf.sampling.hemisphere import D
 
 PACKAGES = (
     "usd-core",

@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from usdslf.blue_noise import choose_blue_noise, surface_coordinates
 from usdslf.element_lookup import ElementLookup
 from usdslf.errors import StageError
 from usdslf.living_sides import PROBE_ROUNDS, ROUNDS, find_living_points, share_of_living
+from usdslf.sampling.blue_noise import choose_blue_noise, surface_coordinates
 from usdslf.scene.records import F32, I32, Scene
 from usdslf.surface import SurfacePoints, evaluate_surface
 

@@ -16,11 +16,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from usdslf.directions import D, bin_directions
 from usdslf.elements import ElementLookup, Elements
 from usdslf.gpu.device import Device
 from usdslf.preconvolution import LevelKernel, build_level, fresnel_diffuse
 from usdslf.reflectance import LEVEL_COUNT, column_weights, roughness_levels
+from usdslf.sampling.hemisphere import D, bin_directions
 from usdslf.visibility import Visibility
 
 LANES = 16

@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from usdslf.blue_noise import surface_coordinates
-from usdslf.directions import SIDE, D, bin_directions
 from usdslf.gpu.device import Device
 from usdslf.light_set import LightSet, luminance
+from usdslf.sampling.blue_noise import surface_coordinates
+from usdslf.sampling.hemisphere import SIDE, D, bin_directions
 from usdslf.scene.records import F32, I32
 from usdslf.visibility import thread_count
 

@@ -15,7 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdslf import light_shapes as shapes
-from usdslf.directions import (
+from usdslf.dome import Dome, Peaks, table_index
+from usdslf.light_sampling import LightHit, LightSample, intersect_light, is_delta, sample_light
+from usdslf.sampling.hemisphere import (
     SIDE,
     SOLID_ANGLE,
     D,
@@ -23,9 +25,7 @@ from usdslf.directions import (
     hemisphere_from_square,
     square_from_hemisphere,
 )
-from usdslf.dome import Dome, Peaks, table_index
-from usdslf.light_sampling import LightHit, LightSample, intersect_light, is_delta, sample_light
-from usdslf.low_discrepancy import random_shifts, sobol_points
+from usdslf.sampling.low_discrepancy import random_shifts, sobol_points
 from usdslf.scene.records import F32, Light, Scene
 from usdslf.visibility import ESCAPES, RayTracer, Visibility, thread_count
 

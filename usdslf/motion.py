@@ -19,11 +19,11 @@ from time import perf_counter
 import numpy as np
 from numpy.typing import NDArray
 
-from usdslf.directions import D, bin_directions
 from usdslf.element_lookup import ElementLookup
 from usdslf.elements import LEAST, Elements
 from usdslf.gpu.device import Device
 from usdslf.near_elements import NEAR, NONE
+from usdslf.sampling.hemisphere import D, bin_directions
 from usdslf.scene.difference import Moved, Space
 from usdslf.scene.records import F32, Scene
 from usdslf.surface import evaluate_surface, is_opaque

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from usdslf.blue_noise import surface_coordinates
+from usdslf.sampling.blue_noise import surface_coordinates
 from usdslf.scene.records import F32
 
 if TYPE_CHECKING:

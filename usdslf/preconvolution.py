@@ -22,10 +22,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from usdslf.directions import SIDE, D, bin_directions
 from usdslf.gpu.device import Device
 from usdslf.gpu.source import kernel_source
 from usdslf.reflectance import directional_albedo, lobe_parameter
+from usdslf.sampling.hemisphere import SIDE, D, bin_directions
 
 COARSE_FROM = 0.45  # roughness from which 16 x 16 bins are enough
 KEPT_MASS = 0.93  # of each row of a sharp level

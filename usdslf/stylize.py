@@ -22,13 +22,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from usdslf.blue_noise import surface_coordinates
-from usdslf.directions import D, bin_directions
 from usdslf.edits import FREED
 from usdslf.element_solve import OWN, ElementCandidates, choose_candidates, enumerate_elements, follows_f0, joined
 from usdslf.elements import Elements
 from usdslf.errors import AuthorError, InputError
 from usdslf.light_field import LightField, Surface
+from usdslf.sampling.blue_noise import surface_coordinates
+from usdslf.sampling.hemisphere import D, bin_directions
 from usdslf.scene.records import F64, Scene
 from usdslf.surroundings import Surroundings
 

@@ -45,8 +45,8 @@ from usdslf.evidence import (
 )
 from usdslf.light_field import LightField
 from usdslf.light_set import LightSet
-from usdslf.low_discrepancy import random_shifts, sobol_points
 from usdslf.nearest import nearest_on_triangles
+from usdslf.sampling.low_discrepancy import random_shifts, sobol_points
 from usdslf.scene.cameras import camera_rays
 from usdslf.scene.records import F64, Camera, Scene
 from usdslf.strokes import Stroke

@@ -23,7 +23,7 @@ from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 from numpy.typing import NDArray
 
-from usdslf.directions import D, bin_directions
+from usdslf.sampling.hemisphere import D, bin_directions
 from usdslf.scene.records import F32, I32, Scene
 from usdslf.surface import evaluate_opacity, is_opaque
 

@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from usdslf.blue_noise import choose_blue_noise, surface_coordinates
 from usdslf.elements import (
     CANDIDATES,
     LARGEST_COUNT,
@@ -26,6 +25,7 @@ from usdslf.elements import (
     take_points,
 )
 from usdslf.living_sides import ROUNDS, find_living_points, share_of_living
+from usdslf.sampling.blue_noise import choose_blue_noise, surface_coordinates
 from usdslf.scene.records import F32, I32, Scene
 from usdslf.surface import SurfacePoints, evaluate_surface
 

@@ -11,9 +11,9 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from usdslf.directions import D
 from usdslf.element_lookup import link_rays
 from usdslf.gpu.device import Device
+from usdslf.sampling.hemisphere import D
 
 BLOCK = 4  # bins on a side
 GROUP = 64

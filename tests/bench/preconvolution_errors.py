@@ -22,10 +22,10 @@ import numpy as np
 from reference.preconvolution import centres, mip_lookups
 from reference.reflectance import frame_about
 
-from usdslf.directions import D
 from usdslf.gpu.device import Device, open_device
 from usdslf.preconvolution import build_level, exact_matrices
 from usdslf.reflectance import directional_albedo, lobe_parameter, roughness_levels
+from usdslf.sampling.hemisphere import D
 
 KINDS = ("smooth", "edged", "single")
 SIDE = 32

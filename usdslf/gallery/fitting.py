@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from usdslf.directions import bin_of
 from usdslf.element_solve import FITTED, enumerate_elements
 from usdslf.gallery import sketch_specular
 from usdslf.gallery.play import Play
@@ -21,6 +20,7 @@ from usdslf.gallery.records import Dabs, Entry, Step, on_picture
 from usdslf.light_field import LightField
 from usdslf.procedural.shot import Inputs
 from usdslf.reflectance import column_weights, distinctness_of_gloss, gloss_levels
+from usdslf.sampling.hemisphere import bin_of
 from usdslf.scene.records import F64
 from usdslf.session import Session
 

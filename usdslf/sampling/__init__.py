@@ -1,0 +1,1 @@
+"""Points, directions and bins; numpy and scipy only."""
