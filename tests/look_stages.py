@@ -13,8 +13,8 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, UsdValidation, Vt
 from reference.preview_surface_inputs import FALLBACKS, reflectance
 
 from usdslf.edits import MaterialChange, Reflectance
-from usdslf.images import write_image
 from usdslf.scene.records import Material, PrimvarInput, Texture, constant
+from usdslf.textures.images import write_image
 from usdslf.usd.author import author_look, author_review_root
 from usdslf.usd.look_layer import bound_relationship, preview_surface
 from usdslf.usd.wins import AuthoredEdit

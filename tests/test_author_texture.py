@@ -14,9 +14,9 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, Vt
 
 from usdslf.bake import bake_texture, plain_texture
 from usdslf.edits import MaterialChange, Reflectance
-from usdslf.images import write_image
 from usdslf.scene.records import Scene, Texture
 from usdslf.surface import evaluate_surface
+from usdslf.textures.images import write_image
 from usdslf.usd.baked_files import textures_folder
 from usdslf.usd.read import read_scene
 from usdslf.usd.validate import validate

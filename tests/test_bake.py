@@ -15,9 +15,9 @@ from scipy.ndimage import gaussian_filter
 from usdslf.bake import Baked, bake_texture, delta_of_samples, plain_texture
 from usdslf.color import Color
 from usdslf.errors import AuthorError
-from usdslf.images import load_texture, sample_texture, write_image
 from usdslf.scene.records import Material, Mesh, Scene, Texture
-from usdslf.texel_cover import texel_points
+from usdslf.textures.images import load_texture, sample_texture, write_image
+from usdslf.textures.rasterize import texel_points
 
 LEFT = np.array([[0, 0], [0.45, 0], [0.45, 1], [0, 1]])  # st of the corners of a square
 RIGHT = LEFT + np.array([0.55, 0])

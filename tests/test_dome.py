@@ -8,9 +8,9 @@ import pytest
 
 from tests.reference import lights as ref
 from usdslf.dome import Dome, square_of, table_index
-from usdslf.images import write_image
 from usdslf.sampling.hemisphere import SOLID_ANGLE, D, bin_directions
 from usdslf.scene.records import Light
+from usdslf.textures.images import write_image
 
 SPHERE, EACH = ref.fibonacci_cone(200_000)
 

@@ -11,10 +11,10 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 
-from usdslf import images
 from usdslf.errors import InputError
-from usdslf.images import latlong_directions, load_latlong, read_image, sample_texture, write_image
 from usdslf.scene.records import Texture
+from usdslf.textures import images
+from usdslf.textures.images import latlong_directions, load_latlong, read_image, sample_texture, write_image
 
 # As seen: upper row A B, lower row C D; values are exact in half floats.
 A, B, C, D = (0.25, 0, 0), (0, 0.5, 0), (0, 0, 0.75), (1.0, 1.0, 1.0)

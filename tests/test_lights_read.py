@@ -10,8 +10,8 @@ import pytest
 from pxr import Usd
 
 from usdslf.color import color_of
-from usdslf.images import write_image
 from usdslf.scene.records import Camera, Light
+from usdslf.textures.images import write_image
 from usdslf.usd.cameras import read_cameras
 from usdslf.usd.lights import read_lights, size_factor
 from usdslf.usd.notes import Notes

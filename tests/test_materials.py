@@ -10,8 +10,8 @@ import pytest
 from pxr import Usd
 
 from usdslf.color import color_of
-from usdslf.images import write_image
 from usdslf.scene.records import Material, PrimvarInput, Texture
+from usdslf.textures.images import write_image
 from usdslf.usd.materials import MaterialTable
 from usdslf.usd.notes import Notes
 

@@ -12,8 +12,8 @@ import pytest
 from pxr import Usd
 
 from usdslf.errors import InputError, StageError
-from usdslf.images import write_image
 from usdslf.surface import evaluate_surface
+from usdslf.textures.images import write_image
 from usdslf.usd.read import open_stage, read_scene, time_code, working_space_of
 
 SQUARE = """def Mesh "square" {

@@ -17,12 +17,13 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux, UsdShade
 
-from usdslf import images, texture_store
 from usdslf.color import Color
-from usdslf.image_files import folder
-from usdslf.images import sample_texture
 from usdslf.scene.records import Texture
-from usdslf.texture_store import PagedTexels, load_image
+from usdslf.textures import images
+from usdslf.textures import store as texture_store
+from usdslf.textures.files import folder
+from usdslf.textures.images import sample_texture
+from usdslf.textures.store import PagedTexels, load_image
 
 WIDTH, HEIGHT = 203, 131  # no multiple of a tile
 TEXTURES, UDIMS, SIDE = 46, (1001, 1002, 1011, 1012), 4096

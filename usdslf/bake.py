@@ -24,11 +24,11 @@ from scipy.spatial import cKDTree
 
 from usdslf.color import Color, color_of
 from usdslf.errors import AuthorError
-from usdslf.images import load_texture
 from usdslf.scene.records import F32, F64, Scene, Texture
-from usdslf.texel_cover import nearest_covered, texel_points
-from usdslf.texels import Texels
-from usdslf.texture_store import Image
+from usdslf.textures.images import load_texture
+from usdslf.textures.rasterize import nearest_covered, texel_points
+from usdslf.textures.store import Image
+from usdslf.textures.texels import Texels
 
 Delta = Callable[[NDArray, NDArray], NDArray]
 """(triangle (n,) of the scene, barycentric (n, 2)) -> (n, channels) what is added to the input's value."""

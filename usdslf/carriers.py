@@ -23,10 +23,10 @@ from usdslf.bake import Baked, bake_texture, plain_texture
 from usdslf.color import Color
 from usdslf.edits import ByVertex
 from usdslf.flat_coordinates import common_sets, lies_flat
-from usdslf.images import files_of, load_texture, why_unreadable
 from usdslf.nearest import nearest_on_triangles
 from usdslf.propagate import Places, places_at
 from usdslf.scene.records import F64, Material, Scene, Texture
+from usdslf.textures.images import files_of, load_texture, why_unreadable
 from usdslf.workflow import NATURAL_IOR, ior_for, normal_reflectance
 
 METAL, DIELECTRIC = 0.999, 0.001

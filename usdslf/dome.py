@@ -53,7 +53,7 @@ class Dome:
         """
         if not light.texture:
             return cls(light)
-        from usdslf.images import load_latlong
+        from usdslf.textures.images import load_latlong
 
         return cls(light, load_latlong(light.texture, light.texture_format, light.texture_color_space))
 

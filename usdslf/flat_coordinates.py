@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdslf.scene.records import F64, Scene, Texture
-from usdslf.texel_cover import texel_points
+from usdslf.textures.rasterize import texel_points
 
 GRID = 128  # texels on a side that tell whether triangles lie upon each other
 OVERLAP = 0.02  # of the covered ones

@@ -258,7 +258,7 @@ def _shaped(light: Light, direction: F64, axis: F64) -> F64:
 @lru_cache(maxsize=8)
 def load_rect_texture(path: str, color_space: str) -> F32:
     """Loads the texture of a rect light (H, W, 3)."""
-    from usdslf.images import load_latlong
+    from usdslf.textures.images import load_latlong
 
     return load_latlong(path, "latlong", color_space)
 

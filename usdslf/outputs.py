@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from usdslf.color import color_of
 from usdslf.errors import InputError, UsdslfError
-from usdslf.images import write_image
 from usdslf.render import AOVS
 from usdslf.scene.records import Scene
+from usdslf.textures.images import write_image
 
 PICTURE_TYPES = (".exr", ".png")
 SIMILARITY = "similarity"  # to strokes: no layer of the renderer; a PNG can hold it alone, in grey

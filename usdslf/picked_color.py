@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdslf.color import color_of
-from usdslf.images import read_image
 from usdslf.scene.records import F32, Scene
+from usdslf.textures.images import read_image
 
 DISPLAY_LIMIT = 16.0
 """Most that a colour of the display may stand for [scene-linear]: display white itself would be 128."""

@@ -21,8 +21,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdslf.color import USD_DEFAULT_SPACE, Color, color_of
-from usdslf.images import sample_texture
 from usdslf.scene.records import F32, I32, Input, Material, PrimvarInput, Scene, Texture
+from usdslf.textures.images import sample_texture
 
 MIN_ROUGHNESS = 0.001
 _COLORS = ("diffuse_color", "specular_color", "emissive_color")

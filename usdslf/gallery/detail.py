@@ -15,11 +15,11 @@ from scipy.ndimage import gaussian_filter
 
 from usdslf.gallery.play import Play
 from usdslf.gallery.records import Dabs, Entry, on_picture
-from usdslf.images import write_image
 from usdslf.procedural.shapes import curve, lathe, panel
 from usdslf.procedural.shot import Inputs, Lamp, Part, Shot, View
 from usdslf.scene.records import F32
 from usdslf.session import Session
+from usdslf.textures.images import write_image
 
 RADIUS = 0.012
 SMALL = (320, 180)  # of the pictures that detail is compared in

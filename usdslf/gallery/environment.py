@@ -6,8 +6,8 @@ import shutil
 from pathlib import Path
 
 from usdslf.errors import InputError
-from usdslf.images import read_image, write_image
 from usdslf.procedural.textures import windows
+from usdslf.textures.images import read_image, write_image
 
 
 def put_environment(folder: Path, hdri: str | None) -> str:

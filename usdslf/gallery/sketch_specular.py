@@ -15,10 +15,10 @@ import numpy as np
 
 from usdslf.gallery.play import Play
 from usdslf.gallery.records import Dabs, Entry, on_picture
-from usdslf.images import write_image
 from usdslf.procedural.shapes import Shape, ball, curve, join, lathe, panel, tube
 from usdslf.procedural.shot import Inputs, Lamp, Part, Shot, View
 from usdslf.procedural.textures import planks, studio
+from usdslf.textures.images import write_image
 
 RADIUS = 0.012
 MATERIALS: dict[str, Inputs] = {

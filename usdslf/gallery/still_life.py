@@ -17,7 +17,6 @@ import numpy as np
 
 from usdslf.gallery.play import Play
 from usdslf.gallery.records import Dabs, Entry, Point, Rgb
-from usdslf.images import write_image
 from usdslf.procedural.shapes import (
     Shape,
     ball,
@@ -33,6 +32,7 @@ from usdslf.procedural.shapes import (
 from usdslf.procedural.shot import Inputs, Lamp, Part, Shot, View
 from usdslf.procedural.textures import planks, studio
 from usdslf.strokes import Stroke
+from usdslf.textures.images import write_image
 
 RADIUS = 0.012  # of a dab, in picture heights
 

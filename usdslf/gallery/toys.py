@@ -16,10 +16,10 @@ import numpy as np
 from usdslf.gallery.play import Play
 from usdslf.gallery.records import Dabs, Entry, on_picture
 from usdslf.gallery.still_life import wagon
-from usdslf.images import write_image
 from usdslf.procedural.shapes import Shape, ball, curve, join, lathe, panel, rounded_box, torus, turned_about
 from usdslf.procedural.shot import Inputs, Lamp, Part, Shot, View
 from usdslf.procedural.textures import planks, studio
+from usdslf.textures.images import write_image
 
 RADIUS = 0.011
 MATERIALS: dict[str, Inputs] = {

@@ -13,12 +13,12 @@ import numpy as np
 from usdslf.color import color_of
 from usdslf.gallery.play import Play
 from usdslf.gallery.records import Entry
-from usdslf.images import write_image
 from usdslf.procedural.shapes import ball, panel
 from usdslf.procedural.shot import Inputs, Lamp, Part, Shot, View
 from usdslf.propagate import places_at
 from usdslf.scene.records import F32, F64
-from usdslf.texel_cover import texel_points
+from usdslf.textures.images import write_image
+from usdslf.textures.rasterize import texel_points
 from usdslf.upsample import upsample
 
 SQUARES, TEXELS, GRID = 6, 192, 32  # GRID: texels of the file in a square

@@ -16,10 +16,10 @@ import numpy as np
 from usdslf.gallery.play import Play
 from usdslf.gallery.records import Entry, on_picture
 from usdslf.gallery.sketch_specular import MATERIALS as SKETCH
-from usdslf.images import write_image
 from usdslf.procedural.shapes import ball, panel
 from usdslf.procedural.shot import Inputs, Lamp, Part, Shot, View
 from usdslf.procedural.textures import planks, studio
+from usdslf.textures.images import write_image
 
 RADIUS = 0.012
 MATERIALS: dict[str, Inputs] = {

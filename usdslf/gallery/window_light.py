@@ -14,13 +14,13 @@ from usdslf.gallery.environment import put_environment
 from usdslf.gallery.play import Play
 from usdslf.gallery.records import Entry, Point
 from usdslf.gallery.still_life import teapot
-from usdslf.images import write_image
 from usdslf.procedural.shapes import Shape, curve, join, lathe, panel, tube
 from usdslf.procedural.shot import Inputs, Lamp, Part, Shot, View
 from usdslf.procedural.textures import planks
 from usdslf.scene.cameras import camera_rays
 from usdslf.session import Session
 from usdslf.surface import evaluate_surface
+from usdslf.textures.images import write_image
 
 RADIUS = 0.012
 SHARE = 0.1  # of the environment's light that the stroke asks for

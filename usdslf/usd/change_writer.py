@@ -22,8 +22,8 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, Vt
 
 from usdslf.edits import InputEdit, MaterialChange, Reflectance, inferred
 from usdslf.errors import AuthorError
-from usdslf.images import files_of, why_unreadable
 from usdslf.scene.records import Texture
+from usdslf.textures.images import files_of, why_unreadable
 from usdslf.usd.arcs import class_of
 from usdslf.usd.files import relative_path
 from usdslf.usd.look_layer import LookLayer, bound_relationship, shader_of, users_of

@@ -16,9 +16,9 @@ from typing import Any
 import numpy as np
 from pxr import Sdf, Usd, UsdGeom, UsdLux
 
-from usdslf import images
 from usdslf.color import USD_DEFAULT_SPACE, Color
 from usdslf.scene.records import F64, Light
+from usdslf.textures import images
 from usdslf.usd.materials import color_space_of
 from usdslf.usd.notes import Notes
 

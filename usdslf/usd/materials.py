@@ -15,10 +15,10 @@ from typing import Any
 import numpy as np
 from pxr import Sdf, Usd, UsdGeom, UsdShade
 
-from usdslf import images
 from usdslf.color import USD_DEFAULT_SPACE, Color
 from usdslf.scene.records import Input, Material, Mesh, PrimvarInput, Texture, constant
-from usdslf.texels import WRAPS
+from usdslf.textures import images
+from usdslf.textures.texels import WRAPS
 from usdslf.usd.notes import Notes
 
 PREVIEW = "UsdPreviewSurface"

@@ -16,10 +16,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from usdslf.color import USD_DEFAULT_SPACE, Color, color_of
 from usdslf.errors import InputError
-from usdslf.image_files import open_image
 from usdslf.scene.records import F32, Texture
-from usdslf.texels import EDGE, WRAPS, Texels, bilinear, four_channels, st_of_format
-from usdslf.texture_store import Image, load_image, read_whole, say_damaged
+from usdslf.textures.files import open_image
+from usdslf.textures.store import Image, load_image, read_whole, say_damaged
+from usdslf.textures.texels import EDGE, WRAPS, Texels, bilinear, four_channels, st_of_format
 
 
 def why_unreadable(path: str) -> str:

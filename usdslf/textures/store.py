@@ -26,7 +26,8 @@ import OpenImageIO as oiio
 from numpy.typing import NDArray
 
 from usdslf.color import USD_DEFAULT_SPACE, Color
-from usdslf.image_files import (
+from usdslf.scene.records import F32
+from usdslf.textures.files import (
     TILE,
     bands,
     check_corners,
@@ -37,8 +38,7 @@ from usdslf.image_files import (
     stamp_of,
     write_tiled_copy,
 )
-from usdslf.scene.records import F32
-from usdslf.texels import Texels, four_channels
+from usdslf.textures.texels import Texels, four_channels
 
 MEMORY_MB = 1024.0  # of tiles
 SMALL = 4 << 20  # [bytes] of pixels: a texture up to this size is kept whole
