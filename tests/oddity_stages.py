@@ -18,7 +18,7 @@ from stage_parts import StageBuilder
 from test_session import EYE, FLOOR, LAMP, POWER, SIZE, dabs, places, seen
 
 import usdslf
-from usdslf.nearest import nearest_on_triangles
+from usdslf.geometry.closest_point import nearest_on_triangles
 from usdslf.scene.records import Mesh, Scene
 from usdslf.session import Session
 from usdslf.strokes import Stroke

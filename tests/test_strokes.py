@@ -10,7 +10,7 @@ from numpy.testing import assert_allclose
 
 from usdslf.anchors import locate_stroke, painted_faces
 from usdslf.errors import StrokeError
-from usdslf.nearest import nearest_on_triangles
+from usdslf.geometry.closest_point import nearest_on_triangles
 from usdslf.scene.cameras import project_points
 from usdslf.scene.records import Camera, Material, Mesh, Scene
 from usdslf.strokes import Stroke, dab_rows, paint_stroke, sample_picture, validate_stroke

@@ -10,10 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from reference import subdivide as reference
 
-from usdslf.shape import Polygons, Values, build_shape
-from usdslf.smooth_normals import corner_normals, limit_normals
-from usdslf.subdivide import face_varying_net, make_net, refine_corner_values, refine_net
-from usdslf.triangulate import triangulate
+from usdslf.geometry.normals import corner_normals, limit_normals
+from usdslf.geometry.shape import Polygons, Values, build_shape
+from usdslf.geometry.subdivision import face_varying_net, make_net, refine_corner_values, refine_net
+from usdslf.geometry.triangulation import triangulate
 
 CUBE = np.array([[x, y, z] for z in (-1, 1) for y in (-1, 1) for x in (-1, 1)], float)
 CUBE_FACES = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]]

@@ -11,7 +11,7 @@ from pxr import Usd
 from varying_floor import gradient, places, seen, stroke, surface_at, write_floor
 
 import usdslf
-from usdslf.flat_coordinates import lies_flat
+from usdslf.geometry.uv_layout import lies_flat
 from usdslf.session import Session
 from usdslf.strokes import Stroke
 

@@ -11,7 +11,7 @@ from reference import evidence as ref
 from reference.solve import radiance
 from stage_parts import InputValue, StageBuilder, rectangle
 
-from usdslf.nearest import nearest_on_triangles
+from usdslf.geometry.closest_point import nearest_on_triangles
 from usdslf.scene.records import Scene
 from usdslf.strokes import Stroke
 from usdslf.surface import SurfacePoints, evaluate_surface

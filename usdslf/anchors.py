@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdslf.errors import StrokeError
-from usdslf.nearest import nearest_on_triangles, triangles_within
+from usdslf.geometry.closest_point import nearest_on_triangles, triangles_within
 from usdslf.scene.records import F32, F64, I32, Scene
 
 if TYPE_CHECKING:

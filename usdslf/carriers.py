@@ -22,8 +22,8 @@ from numpy.typing import NDArray
 from usdslf.bake import Baked, bake_texture, plain_texture
 from usdslf.color import Color
 from usdslf.edits import ByVertex
-from usdslf.flat_coordinates import common_sets, lies_flat
-from usdslf.nearest import nearest_on_triangles
+from usdslf.geometry.closest_point import nearest_on_triangles
+from usdslf.geometry.uv_layout import common_sets, lies_flat
 from usdslf.propagate import Places, places_at
 from usdslf.scene.records import F64, Material, Scene, Texture
 from usdslf.textures.images import files_of, load_texture, why_unreadable

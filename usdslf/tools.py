@@ -43,9 +43,9 @@ from usdslf.evidence import (
     trace_samples,
     unchanging_radiance,
 )
+from usdslf.geometry.closest_point import nearest_on_triangles
 from usdslf.light_field import LightField
 from usdslf.light_set import LightSet
-from usdslf.nearest import nearest_on_triangles
 from usdslf.sampling.low_discrepancy import random_shifts, sobol_points
 from usdslf.scene.cameras import camera_rays
 from usdslf.scene.records import F64, Camera, Scene

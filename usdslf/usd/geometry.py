@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from pxr import Usd, UsdGeom
 
+from usdslf.geometry.shape import REFINED_FACES_MAX, Shape, build_shape, fingerprint, place
 from usdslf.scene.records import F32, F64, I32, Mesh
-from usdslf.shape import REFINED_FACES_MAX, Shape, build_shape, fingerprint, place
 from usdslf.usd.implicit import SIZES, read_implicit
 from usdslf.usd.notes import Notes
 from usdslf.usd.placement import Placed, Placement

@@ -8,8 +8,8 @@ from typing import Any
 
 from pxr import Usd, UsdGeom
 
-from usdslf import tessellate
-from usdslf.shape import Polygons
+from usdslf.geometry import tessellation as tessellate
+from usdslf.geometry.shape import Polygons
 from usdslf.usd.notes import Notes
 
 SIZES: dict[str, tuple[str, ...]] = {

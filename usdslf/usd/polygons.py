@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pxr import Usd, UsdGeom
 
+from usdslf.geometry.shape import Polygons
 from usdslf.scene.records import F64
-from usdslf.shape import Polygons
 from usdslf.usd.notes import Notes
 from usdslf.usd.primvars import Primvars, numbers, read_normals, read_primvars
 from usdslf.usd.skinning import Posed

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pxr import Usd, UsdGeom
 
+from usdslf.geometry.shape import Values
 from usdslf.scene.records import F64
-from usdslf.shape import Values
 from usdslf.usd.notes import Notes
 
 

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
+from usdslf.geometry.subdivision import Net
 from usdslf.scene.records import F64
-from usdslf.subdivide import Net
 
 I64 = NDArray[np.int64]
 _VALENCE_MAX = 64  # vertices with more edges take the mean of their faces

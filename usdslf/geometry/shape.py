@@ -12,9 +12,8 @@ from dataclasses import dataclass, field, fields, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from usdslf.scene.records import F32, F64, I32
-from usdslf.smooth_normals import corner_normals, cross, limit_normals
-from usdslf.subdivide import (
+from usdslf.geometry.normals import corner_normals, cross, limit_normals
+from usdslf.geometry.subdivision import (
     Net,
     face_varying_net,
     linear_stencil,
@@ -23,7 +22,8 @@ from usdslf.subdivide import (
     refine_net,
     refined_faces,
 )
-from usdslf.triangulate import triangulate
+from usdslf.geometry.triangulation import triangulate
+from usdslf.scene.records import F32, F64, I32
 
 I64 = NDArray[np.int64]
 

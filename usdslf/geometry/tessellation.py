@@ -10,8 +10,8 @@ import math
 
 import numpy as np
 
+from usdslf.geometry.shape import Polygons, Values
 from usdslf.scene.records import F64
-from usdslf.shape import Polygons, Values
 
 AROUND = 96  # segments of a full turn
 
