@@ -1,4 +1,4 @@
-/* reflectance.cl: the reflectance models, point by point; device twin of usdslf/reflectance.py.
+/* reflectance.cl: the reflectance models, point by point; device twin of usdslf/surfaces/reflectance.py.
  *
  * preview_surface (GGX, height-correlated Smith; the diffuse balance of OpenUSD's shader), at unit vectors of the local frame:
  *     L_o = d [(1 - F0) X + (1 - F90) Y] + F0 A + F90 B

@@ -74,7 +74,7 @@ __kernel void sequence_points(
     vstore2(sobol(index[i], seed), i, point);
 }
 
-/* of phong: the exponent (phong_exponent of usdslf/reflectance.py), and the density of cos^n about the mirrored eye */
+/* of phong: the exponent (phong_exponent of usdslf/surfaces/reflectance.py), and the density of cos^n about the mirrored eye */
 inline float exponent_of(float alpha) { return clamp(0.5f / (alpha * alpha) - 0.5f, 1e-3f, 1e6f); }
 
 inline float phong_pdf(float n, float3 e, float3 l)

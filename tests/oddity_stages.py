@@ -22,7 +22,7 @@ from usdslf.geometry.closest_point import nearest_on_triangles
 from usdslf.scene.records import Mesh, Scene
 from usdslf.session import Session
 from usdslf.strokes import Stroke
-from usdslf.surface import SurfacePoints, evaluate_surface
+from usdslf.surfaces.surface_points import SurfacePoints, evaluate_surface
 from usdslf.usd.wins import AuthoredEdit
 
 AFTER = FLOOR | {"diffuse": (0.6, 0.15, 0.1)}

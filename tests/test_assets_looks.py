@@ -24,7 +24,7 @@ from usdslf.anchors import locate_stroke
 from usdslf.edits import MaterialChange, Reflectance
 from usdslf.gpu.device import Device
 from usdslf.scene.records import PrimvarInput, Scene, Texture
-from usdslf.surface import SurfacePoints, evaluate_surface
+from usdslf.surfaces.surface_points import SurfacePoints, evaluate_surface
 from usdslf.usd.author import author_look
 from usdslf.usd.look_layer import bound_relationship
 from usdslf.usd.network import same_value

@@ -15,7 +15,7 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, Vt
 from usdslf.bake import bake_texture, plain_texture
 from usdslf.edits import MaterialChange, Reflectance
 from usdslf.scene.records import Scene, Texture
-from usdslf.surface import evaluate_surface
+from usdslf.surfaces.surface_points import evaluate_surface
 from usdslf.textures.images import write_image
 from usdslf.usd.baked_files import textures_folder
 from usdslf.usd.read import read_scene

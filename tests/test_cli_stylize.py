@@ -13,7 +13,7 @@ from scipy.ndimage import gaussian_filter
 from stage_parts import StageBuilder, TextureInput, ball, checker, rectangle
 
 import usdslf
-from usdslf.surface import evaluate_surface
+from usdslf.surfaces.surface_points import evaluate_surface
 
 Run = Callable[..., tuple[int, str, str]]
 SMALL = ("--elements", 600, "--bounces", 3)

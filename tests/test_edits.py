@@ -21,7 +21,7 @@ from usdslf.edits import (
 )
 from usdslf.errors import AuthorError
 from usdslf.scene.records import Material, PrimvarInput, Texture, constant
-from usdslf.workflow import ior_for
+from usdslf.surfaces.preview_surface import ior_for
 
 RED = (0.6, 0.2, 0.1)
 GOLD = (1.0, 0.78, 0.34)

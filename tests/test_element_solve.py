@@ -23,8 +23,8 @@ from usdslf.element_solve import (
 from usdslf.gpu.device import Device
 from usdslf.light_field import LightField, levels_of
 from usdslf.preconvolution import build_level
-from usdslf.reflectance import LEVEL_COUNT, gloss_levels, roughness_levels
 from usdslf.sampling.hemisphere import D, bin_directions
+from usdslf.surfaces.reflectance import LEVEL_COUNT, gloss_levels, roughness_levels
 from usdslf.visibility import ESCAPES
 
 N = 37  # no multiple of a block

@@ -16,11 +16,11 @@ from usdslf.errors import StrokeError
 from usdslf.evidence import Evidence, build_evidence, gather_samples
 from usdslf.gpu.device import Device
 from usdslf.light_set import LightSet
-from usdslf.reflectance import gloss_levels
 from usdslf.sampling.hemisphere import D
 from usdslf.sampling.low_discrepancy import random_shifts, sobol_points
 from usdslf.scene.records import Light
 from usdslf.strokes import Stroke
+from usdslf.surfaces.reflectance import gloss_levels
 
 LEVELS = gloss_levels("preview_surface")
 PHONG_LEVELS = gloss_levels("phong")

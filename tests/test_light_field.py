@@ -14,9 +14,9 @@ from reference.shapes import box, lamp, quad, sphere
 from usdslf.elements import Elements
 from usdslf.gpu.device import Device, Kernel
 from usdslf.lights import static_light
-from usdslf.reflectance import roughness_levels
 from usdslf.sampling.hemisphere import D, bin_directions
 from usdslf.scene.records import Light
+from usdslf.surfaces.reflectance import roughness_levels
 from usdslf.visibility import ESCAPES
 
 Z = bin_directions()[:, 2]

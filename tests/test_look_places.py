@@ -34,7 +34,7 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, Vt
 
 from usdslf.edits import MaterialChange
 from usdslf.errors import AuthorError
-from usdslf.surface import evaluate_surface
+from usdslf.surfaces.surface_points import evaluate_surface
 from usdslf.usd.look_layer import gprims_of, parts_of
 from usdslf.usd.read import read_scene
 from usdslf.usd.validate import validate as find_wrong

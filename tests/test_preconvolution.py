@@ -10,8 +10,8 @@ from reference import reflectance
 
 from usdslf.gpu.device import Device
 from usdslf.preconvolution import build_level, coarse_of_bin, exact_matrices, fresnel_diffuse
-from usdslf.reflectance import MODELS, roughness_levels
 from usdslf.sampling.hemisphere import D
+from usdslf.surfaces.reflectance import MODELS, roughness_levels
 
 ROWS = np.array([528, 100, 37])  # outgoing bins: almost along the normal, halfway, near the horizon
 

@@ -18,7 +18,7 @@ from look_stages import validate as stock
 from numpy.testing import assert_allclose
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, Vt
 
-from usdslf.surface import SurfacePoints, evaluate_surface
+from usdslf.surfaces.surface_points import SurfacePoints, evaluate_surface
 from usdslf.textures.images import write_image
 from usdslf.usd.look_layer import LookLayer
 from usdslf.usd.preview_material import make_preview, write_made

@@ -10,7 +10,7 @@ from look_stages import F, add_quads, bind, new_stage, validate
 from numpy.testing import assert_allclose
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, Vt
 
-from usdslf.surface import evaluate_surface
+from usdslf.surfaces.surface_points import evaluate_surface
 from usdslf.usd.author import author_review_root
 from usdslf.usd.look_layer import bound_relationship
 from usdslf.usd.preview_material import PreviewMaterials, make_preview, without_preview

@@ -12,7 +12,7 @@ import pytest
 from pxr import Usd
 
 from usdslf.errors import InputError, StageError
-from usdslf.surface import evaluate_surface
+from usdslf.surfaces.surface_points import evaluate_surface
 from usdslf.textures.images import write_image
 from usdslf.usd.read import open_stage, read_scene, time_code, working_space_of
 

@@ -13,7 +13,7 @@ from reference import reflectance as ref
 from usdslf.errors import InputError
 from usdslf.gpu.device import Device
 from usdslf.gpu.source import kernel_source
-from usdslf.reflectance import (
+from usdslf.surfaces.reflectance import (
     LEVEL_COUNT,
     MODELS,
     column_weights,

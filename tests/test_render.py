@@ -22,12 +22,12 @@ from usdslf.errors import InputError
 from usdslf.gpu.device import Device
 from usdslf.light_guide import LightGuide
 from usdslf.light_set import LightSet
-from usdslf.reflectance import directional_albedo, lobe_parameter
 from usdslf.render import AOVS, render
 from usdslf.scene.cameras import camera_rays, project_points
 from usdslf.scene.records import Camera, Light, Material, Scene, Texture, constant
 from usdslf.shading import Lobes, shading_points
-from usdslf.surface import evaluate_surface
+from usdslf.surfaces.reflectance import directional_albedo, lobe_parameter
+from usdslf.surfaces.surface_points import evaluate_surface
 from usdslf.visibility import RayTracer
 
 SIZE = (36, 28)

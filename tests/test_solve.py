@@ -10,7 +10,6 @@ from reference import solve as ref
 from reference.reflectance import frame_about
 
 from usdslf.evidence import Evidence
-from usdslf.reflectance import roughness_levels
 from usdslf.solve import (
     Candidate,
     Options,
@@ -21,7 +20,8 @@ from usdslf.solve import (
     whiten,
 )
 from usdslf.strokes import Stroke
-from usdslf.surface import SurfacePoints
+from usdslf.surfaces.reflectance import roughness_levels
+from usdslf.surfaces.surface_points import SurfacePoints
 from usdslf.tables import Tables, pool_tables
 
 DABS, ELSEWHERE, DIRECTIONS = 20, 12, 4

@@ -15,7 +15,7 @@ from usdslf.elements import refresh_reflectance
 from usdslf.light_field import Surface
 from usdslf.session import Session
 from usdslf.stylize import take_misfit
-from usdslf.surface import evaluate_surface
+from usdslf.surfaces.surface_points import evaluate_surface
 
 
 @pytest.fixture(scope="module")

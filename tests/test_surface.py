@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from usdslf.scene.records import Material, Mesh, PrimvarInput, Scene, Texture, constant
-from usdslf.surface import evaluate_opacity, evaluate_surface, is_opaque
+from usdslf.surfaces.surface_points import evaluate_opacity, evaluate_surface, is_opaque
 from usdslf.textures.images import write_image
 
 CENTRE = [[1 / 3, 1 / 3]]

@@ -14,7 +14,7 @@ from stage_parts import InputValue, StageBuilder, rectangle
 from usdslf.geometry.closest_point import nearest_on_triangles
 from usdslf.scene.records import Scene
 from usdslf.strokes import Stroke
-from usdslf.surface import SurfacePoints, evaluate_surface
+from usdslf.surfaces.surface_points import SurfacePoints, evaluate_surface
 
 EYE = np.array([0.3, 2.2, 1.6])
 LAMP, SIZE, POWER = np.array([-0.6, 1.6, 0.5]), (0.9, 0.7), np.array([6.0, 5.6, 5.0])

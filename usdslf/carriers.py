@@ -26,8 +26,8 @@ from usdslf.geometry.closest_point import nearest_on_triangles
 from usdslf.geometry.uv_layout import common_sets, lies_flat
 from usdslf.propagate import Places, places_at
 from usdslf.scene.records import F64, Material, Scene, Texture
+from usdslf.surfaces.preview_surface import NATURAL_IOR, ior_for, normal_reflectance
 from usdslf.textures.images import files_of, load_texture, why_unreadable
-from usdslf.workflow import NATURAL_IOR, ior_for, normal_reflectance
 
 METAL, DIELECTRIC = 0.999, 0.001
 MOSTLY = 0.1  # metallic of a texture below which what was painted counts as a dielectric

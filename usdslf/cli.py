@@ -20,8 +20,8 @@ import numpy as np
 import usdslf
 from usdslf.errors import AuthorError, InputError, StrokeError, UsdslfError
 from usdslf.options import Choose, Color3, Offset, Path2D, Similarity, Size, Weights
-from usdslf.reflectance import MODELS
 from usdslf.strokes import MODES, NORMS, SCOPES, SPACES, TOOLS
+from usdslf.surfaces.reflectance import MODELS
 from usdslf.terminal import progress, warn
 
 if TYPE_CHECKING:

@@ -23,8 +23,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from usdslf.errors import AuthorError
 from usdslf.scene.records import F64, Input, Material, PrimvarInput, Texture
-from usdslf.surface import MIN_ROUGHNESS
-from usdslf.workflow import SurfaceInputs, error_of, inputs_for, reflectance_of
+from usdslf.surfaces.preview_surface import SurfaceInputs, error_of, inputs_for, reflectance_of
+from usdslf.surfaces.surface_points import MIN_ROUGHNESS
 
 if TYPE_CHECKING:
     from usdslf.bake import Baked

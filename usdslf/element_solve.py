@@ -29,9 +29,9 @@ from numpy.typing import NDArray
 
 from usdslf.light_field import LANES, NEAR, LightField, levels_of
 from usdslf.preconvolution import LevelKernel
-from usdslf.reflectance import LEVEL_COUNT, column_weights, gloss_levels
 from usdslf.sampling.hemisphere import D
 from usdslf.scene.records import F64
+from usdslf.surfaces.reflectance import LEVEL_COUNT, column_weights, gloss_levels
 
 FACTORS = {"l2": (np.inf, np.inf, np.inf, 1.0), "l0": (1.0, 1.0, np.inf, np.inf), "mixed": (1.0, 1.0, 5.0, 25.0)}
 """Of a residual where none, one, two, three parameters change; the paper's weights are those of mixed."""

@@ -20,7 +20,7 @@ from usdslf.errors import StageError
 from usdslf.living_sides import PROBE_ROUNDS, ROUNDS, find_living_points, share_of_living
 from usdslf.sampling.blue_noise import choose_blue_noise, surface_coordinates
 from usdslf.scene.records import F32, I32, Scene
-from usdslf.surface import SurfacePoints, evaluate_surface
+from usdslf.surfaces.surface_points import SurfacePoints, evaluate_surface
 
 if TYPE_CHECKING:
     from usdslf.visibility import RayTracer

@@ -21,12 +21,12 @@ from usdslf.anchors import locate_stroke, where_spilt
 from usdslf.errors import StrokeError
 from usdslf.light_field import LightField
 from usdslf.light_set import LightSet
-from usdslf.reflectance import gloss_levels, lobe_parameter
 from usdslf.sampling.hemisphere import SOLID_ANGLE, D, bin_directions
 from usdslf.sampling.low_discrepancy import random_shifts, sobol_points
 from usdslf.scene.records import Scene
 from usdslf.strokes import Stroke, dab_rows
-from usdslf.surface import SurfacePoints, evaluate_surface
+from usdslf.surfaces.reflectance import gloss_levels, lobe_parameter
+from usdslf.surfaces.surface_points import SurfacePoints, evaluate_surface
 
 if TYPE_CHECKING:
     from usdslf.visibility import RayTracer

@@ -1,6 +1,6 @@
 """Final gathering: the light that arrives at surface points, split so that colours can be taken out of it.
 
-    L_o = d [(1 - F0) X + (1 - F90) Y] + F0 A + F90 B + coat      (columns of usdslf/reflectance.py)
+    L_o = d [(1 - F0) X + (1 - F90) Y] + F0 A + F90 B + coat      (columns of usdslf/surfaces/reflectance.py)
 
 X, Y, A, B and the coat's light are gathered with rays.  Lights and domes are sampled and met by rays drawn from
 the surface's lobes, combined by the balance heuristic (Veach and Guibas 1995).  A ray that meets a surface
@@ -23,7 +23,7 @@ from usdslf.light_guide import GuidingField, LightGuide
 from usdslf.light_set import Arrival, LightSet, Source, brightest, dot, luminance
 from usdslf.scene.records import F32, I32, Scene
 from usdslf.shading import COLUMNS, Lobes, ShadingPoints, reflect, shading_points
-from usdslf.surface import evaluate_surface
+from usdslf.surfaces.surface_points import evaluate_surface
 from usdslf.visibility import Hits, RayTracer
 from usdslf.wide_field import NearField, WideField
 

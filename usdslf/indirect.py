@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 
 from usdslf.evidence import SHARPEST, Evidence, evaluate_columns, mean_by, unchanging_radiance
 from usdslf.light_field import LightField, Surface
-from usdslf.reflectance import column_weights, columns, lobe_parameter
 from usdslf.scene.records import Scene
+from usdslf.surfaces.reflectance import column_weights, columns, lobe_parameter
 from usdslf.tables import Tables
 
 if TYPE_CHECKING:

@@ -25,7 +25,6 @@ from usdslf.light_field import LightField
 from usdslf.light_set import LightSet
 from usdslf.propagate import Weights, reach_of
 from usdslf.reach import dimming, error_of, explains_nothing, seems_too_bright
-from usdslf.reflectance import gloss_levels
 from usdslf.residuals import varying_residual
 from usdslf.scene.records import Scene
 from usdslf.solve import (
@@ -40,6 +39,7 @@ from usdslf.solve import (
     whiten,
 )
 from usdslf.strokes import Stroke
+from usdslf.surfaces.reflectance import gloss_levels
 from usdslf.tables import Tables, pool_tables
 from usdslf.tools import asks_for_nothing, expected_error, wanted_radiance
 from usdslf.varying import (

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from usdslf.dome import Dome
 from usdslf.lights import default_lights, intersect_light, is_delta, sample_light
 from usdslf.scene.records import F32, I32, Light, Scene
-from usdslf.surface import evaluate_surface
+from usdslf.surfaces.surface_points import evaluate_surface
 
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
 

@@ -24,8 +24,8 @@ from numpy.typing import NDArray
 
 from usdslf.gpu.device import Device
 from usdslf.gpu.source import kernel_source
-from usdslf.reflectance import directional_albedo, lobe_parameter
 from usdslf.sampling.hemisphere import SIDE, D, bin_directions
+from usdslf.surfaces.reflectance import directional_albedo, lobe_parameter
 
 COARSE_FROM = 0.45  # roughness from which 16 x 16 bins are enough
 KEPT_MASS = 0.93  # of each row of a sharp level

@@ -25,7 +25,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from usdslf.errors import InputError
 from usdslf.scene.records import F64, Scene
-from usdslf.surface import SurfacePoints, evaluate_surface
+from usdslf.surfaces.surface_points import SurfacePoints, evaluate_surface
 
 REFLECTANCE_STEP = 0.08  # of d, F0 and roughness together, that is clearly seen
 GATE = (0.45, 0.7)  # similarity at which the gate opens, and is open

@@ -26,7 +26,7 @@ from usdslf.light_set import LightSet, brightest
 from usdslf.scene.cameras import camera_rays, pixel_size
 from usdslf.scene.records import F32, Camera, Light, Scene
 from usdslf.shading import ShadingPoints, reflect, shading_points
-from usdslf.surface import SurfacePoints, evaluate_surface
+from usdslf.surfaces.surface_points import SurfacePoints, evaluate_surface
 from usdslf.visibility import RayTracer
 
 BAND = 300_000  # samples in a band

@@ -15,7 +15,7 @@ from usdslf.evidence import evaluate_columns, mean_by, unchanging_radiance
 from usdslf.light_field import LightField
 from usdslf.propagate import places_of
 from usdslf.scene.records import Scene
-from usdslf.surface import evaluate_surface
+from usdslf.surfaces.surface_points import evaluate_surface
 from usdslf.tables import bilinear
 from usdslf.varying import Varying
 

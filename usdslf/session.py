@@ -34,7 +34,6 @@ from usdslf.light_set import LightSet, lights_or_default
 from usdslf.lights import static_light
 from usdslf.overview import overview_camera
 from usdslf.propagate import Weights
-from usdslf.reflectance import MODELS
 from usdslf.render import render
 from usdslf.residuals import residual_as_preview, residual_as_written
 from usdslf.scene.difference import why_not_comparable
@@ -51,6 +50,7 @@ from usdslf.stylize import (
     editable_materials,
     stylize_light,
 )
+from usdslf.surfaces.reflectance import MODELS
 from usdslf.surroundings import find_surroundings
 from usdslf.usd.author import author_look, author_review_root, check_look_place
 from usdslf.usd.baked_files import textures_folder

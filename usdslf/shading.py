@@ -1,6 +1,6 @@
 """Points as their viewer sees them, the light columns they gather, and the kernels that draw from their lobes.
 
-L_o = d [(1 - F0) X + (1 - F90) Y] + F0 A + F90 B + coat      (columns of usdslf/reflectance.py)
+L_o = d [(1 - F0) X + (1 - F90) Y] + F0 A + F90 B + coat      (columns of usdslf/surfaces/reflectance.py)
 
 phong, L_o = k_d X + k_s A, takes the same form with X in the place of Y, F90 = 0 and no coat.
 """
@@ -17,7 +17,7 @@ from usdslf.gpu.device import Device
 from usdslf.light_guide import SHARE, LightGuide
 from usdslf.light_set import dot, luminance
 from usdslf.scene.records import F32, I32
-from usdslf.surface import SurfacePoints
+from usdslf.surfaces.surface_points import SurfacePoints
 from usdslf.visibility import RayTracer
 
 GROUP = 64  # work items of a group

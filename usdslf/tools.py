@@ -50,7 +50,7 @@ from usdslf.sampling.low_discrepancy import random_shifts, sobol_points
 from usdslf.scene.cameras import camera_rays
 from usdslf.scene.records import F64, Camera, Scene
 from usdslf.strokes import Stroke
-from usdslf.surface import evaluate_surface
+from usdslf.surfaces.surface_points import evaluate_surface
 from usdslf.tables import bilinear
 
 if TYPE_CHECKING:

@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from usdslf.sampling.hemisphere import D, bin_directions
 from usdslf.scene.records import F32, I32, Scene
-from usdslf.surface import evaluate_opacity, is_opaque
+from usdslf.surfaces.surface_points import evaluate_opacity, is_opaque
 
 if TYPE_CHECKING:
     from usdslf.element_lookup import ElementLookup

@@ -24,8 +24,8 @@ from reference.reflectance import frame_about
 
 from usdslf.gpu.device import Device, open_device
 from usdslf.preconvolution import build_level, exact_matrices
-from usdslf.reflectance import directional_albedo, lobe_parameter, roughness_levels
 from usdslf.sampling.hemisphere import D
+from usdslf.surfaces.reflectance import directional_albedo, lobe_parameter, roughness_levels
 
 KINDS = ("smooth", "edged", "single")
 SIDE = 32

@@ -1,6 +1,6 @@
 """UsdPreviewSurface's inputs -> its reflectance, in float64, as previewSurface.glslfx of OpenUSD writes it.
 
-The twin of usdslf/workflow.py, written from the shader and without its code.
+The twin of usdslf/surfaces/preview_surface.py, written from the shader and without its code.
 """
 
 from __future__ import annotations

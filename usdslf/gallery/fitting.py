@@ -19,10 +19,10 @@ from usdslf.gallery.plots import Axis, bars, lines
 from usdslf.gallery.records import Dabs, Entry, Step, on_picture
 from usdslf.light_field import LightField
 from usdslf.procedural.shot import Inputs
-from usdslf.reflectance import column_weights, distinctness_of_gloss, gloss_levels
 from usdslf.sampling.hemisphere import bin_of
 from usdslf.scene.records import F64
 from usdslf.session import Session
+from usdslf.surfaces.reflectance import column_weights, distinctness_of_gloss, gloss_levels
 
 WANTED: Inputs = {"diffuse": (0.30, 0.06, 0.10), "specular": (0.30, 0.26, 0.20), "roughness": 0.42}
 BOTH = FITTED.index("diffuse+specular")

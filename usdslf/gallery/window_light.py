@@ -19,7 +19,7 @@ from usdslf.procedural.shot import Inputs, Lamp, Part, Shot, View
 from usdslf.procedural.textures import planks
 from usdslf.scene.cameras import camera_rays
 from usdslf.session import Session
-from usdslf.surface import evaluate_surface
+from usdslf.surfaces.surface_points import evaluate_surface
 from usdslf.textures.images import write_image
 
 RADIUS = 0.012

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdslf.scene.records import F64, Material, Scene
-from usdslf.surface import is_opaque
+from usdslf.surfaces.surface_points import is_opaque
 
 GROUPS = 16  # and three more at most
 WORTH = 0.75  # share of its solid angle that the quarters of a group may have, to be groups

@@ -1,0 +1,1 @@
+"""A material at a point of a surface."""
