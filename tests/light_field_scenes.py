@@ -10,11 +10,11 @@ from reference.shapes import make_scene
 
 from usdslf.elements import ElementLookup, Elements, sample_elements
 from usdslf.gpu.device import Device
-from usdslf.light_field import LightField
-from usdslf.lights import static_light
+from usdslf.light_field.light_field import LightField
+from usdslf.light_field.static_light import static_light
+from usdslf.light_field.visibility import ESCAPES, RayTracer, Visibility, trace_visibility
 from usdslf.sampling.hemisphere import D, bin_directions
 from usdslf.scene.records import Light, Material, Mesh, Scene, constant
-from usdslf.visibility import ESCAPES, RayTracer, Visibility, trace_visibility
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from varying_floor import GREY, add_lamp, places, seen, surface_at
 from varying_floor import stroke as dabs
 
 from usdslf.errors import StrokeError
-from usdslf.light_field import LightField
+from usdslf.light_field.light_field import LightField
 from usdslf.procedural.shapes import ball, panel
 from usdslf.procedural.shot import Lamp, Part, Shot, View
 from usdslf.propagate import Weights

@@ -21,11 +21,11 @@ from usdslf.element_solve import (
     solve_elements,
 )
 from usdslf.gpu.device import Device
-from usdslf.light_field import LightField, levels_of
-from usdslf.preconvolution import build_level
+from usdslf.light_field.light_field import LightField, levels_of
+from usdslf.light_field.preconvolution import build_level
+from usdslf.light_field.visibility import ESCAPES
 from usdslf.sampling.hemisphere import D, bin_directions
 from usdslf.surfaces.reflectance import LEVEL_COUNT, gloss_levels, roughness_levels
-from usdslf.visibility import ESCAPES
 
 N = 37  # no multiple of a block
 SIGMA = 40.0

@@ -12,10 +12,10 @@ from usdslf.element_lookup import blend_weights, link_rays
 from usdslf.elements import ElementLookup, sample_elements, share_out
 from usdslf.errors import StageError
 from usdslf.gpu.device import open_device
+from usdslf.light_field.visibility import BLOCKED, ESCAPES, RayTracer, points_at
 from usdslf.lookup_cells import cell_centres, cell_of
 from usdslf.sampling.blue_noise import choose_blue_noise
 from usdslf.scene.records import Camera, Material, PrimvarInput, constant
-from usdslf.visibility import BLOCKED, ESCAPES, RayTracer, points_at
 
 
 def sample(scene, count=600, seed=3):

@@ -13,7 +13,7 @@ from reference import light_field as ref
 
 import usdslf
 from usdslf.anchors import locate_stroke
-from usdslf.light_field import LightField
+from usdslf.light_field.light_field import LightField
 from usdslf.session import Session
 from usdslf.strokes import Stroke, paint_stroke
 

@@ -13,11 +13,11 @@ from reference.shapes import box, lamp, quad, sphere
 
 from usdslf.elements import Elements
 from usdslf.gpu.device import Device, Kernel
-from usdslf.lights import static_light
+from usdslf.light_field.static_light import static_light
+from usdslf.light_field.visibility import ESCAPES
 from usdslf.sampling.hemisphere import D, bin_directions
 from usdslf.scene.records import Light
 from usdslf.surfaces.reflectance import roughness_levels
-from usdslf.visibility import ESCAPES
 
 Z = bin_directions()[:, 2]
 BINS = np.array([528, 300, 100, 37, 3])  # from the normal to the horizon

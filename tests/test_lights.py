@@ -9,12 +9,12 @@ import pytest
 
 from tests.reference import lights as ref
 from usdslf.dome import Dome
-from usdslf.lights import default_lights, intersect_light, is_delta, sample_light, static_light
+from usdslf.light_field.static_light import default_lights, intersect_light, is_delta, sample_light, static_light
+from usdslf.light_field.visibility import ESCAPES, RayTracer
 from usdslf.sampling.hemisphere import SOLID_ANGLE, D, bin_directions
 from usdslf.sampling.low_discrepancy import random_shifts, sobol_points
 from usdslf.scene.records import Camera, Light, Material, Mesh, Scene
 from usdslf.textures.images import write_image
-from usdslf.visibility import ESCAPES, RayTracer
 
 SPHERE, _ = ref.fibonacci_cone(20_000)
 KINDS = ("rect", "disk", "sphere", "cylinder", "distant")

@@ -13,10 +13,10 @@ from moving_stages import FRAMES
 
 import usdslf
 from usdslf.elements import ElementLookup
+from usdslf.light_field.visibility import BLOCKED, Visibility, trace_visibility
 from usdslf.motion import move_elements, retrace
 from usdslf.scene.difference import Moved, Space, find_moved, why_not_comparable
 from usdslf.session import Session
-from usdslf.visibility import BLOCKED, Visibility, trace_visibility
 
 NOWHERE = Space(np.zeros((0, 3)), np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3)))
 

@@ -9,7 +9,7 @@ from reference import preconvolution as ref
 from reference import reflectance
 
 from usdslf.gpu.device import Device
-from usdslf.preconvolution import build_level, coarse_of_bin, exact_matrices, fresnel_diffuse
+from usdslf.light_field.preconvolution import build_level, coarse_of_bin, exact_matrices, fresnel_diffuse
 from usdslf.sampling.hemisphere import D
 from usdslf.surfaces.reflectance import MODELS, roughness_levels
 

@@ -20,6 +20,7 @@ import usdslf.render as render_module
 from usdslf.elements import sample_elements
 from usdslf.errors import InputError
 from usdslf.gpu.device import Device
+from usdslf.light_field.visibility import RayTracer
 from usdslf.light_guide import LightGuide
 from usdslf.light_set import LightSet
 from usdslf.render import AOVS, render
@@ -28,7 +29,6 @@ from usdslf.scene.records import Camera, Light, Material, Scene, Texture, consta
 from usdslf.shading import Lobes, shading_points
 from usdslf.surfaces.reflectance import directional_albedo, lobe_parameter
 from usdslf.surfaces.surface_points import evaluate_surface
-from usdslf.visibility import RayTracer
 
 SIZE = (36, 28)
 NO_LIGHT = LightSet(make_scene(), [])

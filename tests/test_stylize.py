@@ -14,7 +14,8 @@ from reference.stylize import masked_light, near_weights
 
 from usdslf.errors import AuthorError, InputError
 from usdslf.gpu.device import Device
-from usdslf.light_field import Surface
+from usdslf.light_field.light_field import Surface
+from usdslf.light_field.visibility import ESCAPES
 from usdslf.sampling.hemisphere import D
 from usdslf.scene.records import Light
 from usdslf.stylize import (
@@ -26,7 +27,6 @@ from usdslf.stylize import (
     stylize_light,
 )
 from usdslf.surroundings import Surroundings, find_surroundings
-from usdslf.visibility import ESCAPES
 
 N = 45
 

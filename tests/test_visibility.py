@@ -7,9 +7,7 @@ from reference.visibility import first_hits, nearest_elements, square_cells
 
 from usdslf.elements import ElementLookup, sample_elements
 from usdslf.gpu.device import open_device
-from usdslf.sampling.hemisphere import D, bin_directions
-from usdslf.scene.records import Material, Texture, constant
-from usdslf.visibility import (
+from usdslf.light_field.visibility import (
     BATCH,
     BLOCKED,
     ESCAPES,
@@ -19,6 +17,8 @@ from usdslf.visibility import (
     points_at,
     trace_visibility,
 )
+from usdslf.sampling.hemisphere import D, bin_directions
+from usdslf.scene.records import Material, Texture, constant
 
 RNG_SEED = 7
 
@@ -221,7 +221,7 @@ def test_links_do_not_depend_on_batches(monkeypatch):
     scene = closed_room()
     hit = trace(scene, 2 * BATCH + 7)[1]
     assert hit.shape == (2 * BATCH + 7, D) and hit.dtype == np.uint32
-    monkeypatch.setattr("usdslf.visibility.BATCH", 5)
+    monkeypatch.setattr("usdslf.light_field.visibility.BATCH", 5)
     again = trace(scene, 2 * BATCH + 7)[1]
     np.testing.assert_array_equal(hit, again)
 

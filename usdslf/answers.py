@@ -22,7 +22,7 @@ from usdslf.tables import Tables
 from usdslf.varying import Varying, VaryingAnswer
 
 if TYPE_CHECKING:
-    from usdslf.light_field import LightField, Surface
+    from usdslf.light_field.light_field import LightField, Surface
 
 AMBIGUOUS = 4.0  # cost between two explanations that is no difference
 

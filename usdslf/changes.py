@@ -20,7 +20,7 @@ from usdslf.bake import Baked
 from usdslf.carriers import carrier_of, carry, input_values
 from usdslf.color import Color
 from usdslf.edits import InputEdit, MaterialChange, Reflectance, material_change_to_input_edits
-from usdslf.light_field import LightField
+from usdslf.light_field.light_field import LightField
 from usdslf.propagate import Places, places_at
 from usdslf.scene.records import Scene
 from usdslf.solve import Candidate

@@ -31,8 +31,8 @@ from usdslf.scene.records import F32, Scene
 if TYPE_CHECKING:
     from usdslf.elements import Elements
     from usdslf.gpu.device import Device
+    from usdslf.light_field.visibility import RayTracer
     from usdslf.scene.difference import Moved
-    from usdslf.visibility import RayTracer
 
 BLEND = 4  # of them are blended at a point
 CELLS_PER_SPACING = 1.5

@@ -27,8 +27,8 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from usdslf.light_field import LANES, NEAR, LightField, levels_of
-from usdslf.preconvolution import LevelKernel
+from usdslf.light_field.light_field import LANES, NEAR, LightField, levels_of
+from usdslf.light_field.preconvolution import LevelKernel
 from usdslf.sampling.hemisphere import D
 from usdslf.scene.records import F64
 from usdslf.surfaces.reflectance import LEVEL_COUNT, column_weights, gloss_levels

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from usdslf.anchors import locate_stroke, where_spilt
 from usdslf.errors import StrokeError
-from usdslf.light_field import LightField
+from usdslf.light_field.light_field import LightField
 from usdslf.light_set import LightSet
 from usdslf.sampling.hemisphere import SOLID_ANGLE, D, bin_directions
 from usdslf.sampling.low_discrepancy import random_shifts, sobol_points
@@ -29,7 +29,7 @@ from usdslf.surfaces.reflectance import gloss_levels, lobe_parameter
 from usdslf.surfaces.surface_points import SurfacePoints, evaluate_surface
 
 if TYPE_CHECKING:
-    from usdslf.visibility import RayTracer
+    from usdslf.light_field.visibility import RayTracer
 
 SAMPLES = 12  # surface points of a dab
 MOST_DABS = 128

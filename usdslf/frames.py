@@ -14,10 +14,10 @@ import numpy as np
 from usdslf.element_lookup import ElementLookup
 from usdslf.elements import Elements, refresh_reflectance
 from usdslf.gpu.device import Device
+from usdslf.light_field.visibility import RayTracer, Visibility
 from usdslf.motion import move_elements, retrace, why_not_spaced
 from usdslf.scene.difference import find_moved, look_alike
 from usdslf.scene.records import Scene
-from usdslf.visibility import RayTracer, Visibility
 from usdslf.waking import DarkProbes, wake_elements
 
 

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdslf.evidence import SHARPEST, Evidence, evaluate_columns, mean_by, unchanging_radiance
-from usdslf.light_field import LightField, Surface
+from usdslf.light_field.light_field import LightField, Surface
 from usdslf.scene.records import Scene
 from usdslf.surfaces.reflectance import column_weights, columns, lobe_parameter
 from usdslf.tables import Tables

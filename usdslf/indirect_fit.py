@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdslf.indirect import F64, Receiver, carried, present_radiance, rows_in_sight
-from usdslf.light_field import LightField, Surface
+from usdslf.light_field.light_field import LightField, Surface
 from usdslf.solve import Candidate, Options, bounded_least_squares, is_grey, whiten
 from usdslf.surfaces.reflectance import column_weights
 from usdslf.tables import Tables

@@ -21,7 +21,7 @@ from usdslf.answers import Answer, Painted, Pool, changed_surface, means_of, sco
 from usdslf.carriers import carrier_of
 from usdslf.errors import SolveError, StrokeError
 from usdslf.evidence import Evidence, Samples, evaluate_columns, gather_samples
-from usdslf.light_field import LightField
+from usdslf.light_field.light_field import LightField
 from usdslf.light_set import LightSet
 from usdslf.propagate import Weights, reach_of
 from usdslf.reach import dimming, error_of, explains_nothing, seems_too_bright
@@ -53,7 +53,7 @@ from usdslf.varying import (
 )
 
 if TYPE_CHECKING:
-    from usdslf.visibility import RayTracer
+    from usdslf.light_field.visibility import RayTracer
 
 CONVERGED = 0.01  # relative change of the painted residual between rounds
 ROUNDS = 4  # n_b of the paper

@@ -18,7 +18,7 @@ from usdslf.errors import SolveError, StrokeError
 from usdslf.indirect import F64, Receiver, make_receiver, materials_in_sight, receiver_tables
 from usdslf.indirect_fit import Change, Fitted, fit_changes, mean_error, radiance_of
 from usdslf.infer import fixed_materials
-from usdslf.light_field import LightField, Surface
+from usdslf.light_field.light_field import LightField, Surface
 from usdslf.scene.records import Scene
 from usdslf.solve import (
     Candidate,

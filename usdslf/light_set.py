@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdslf.dome import Dome
-from usdslf.lights import default_lights, intersect_light, is_delta, sample_light
+from usdslf.light_field.static_light import default_lights, intersect_light, is_delta, sample_light
 from usdslf.scene.records import F32, I32, Light, Scene
 from usdslf.surfaces.surface_points import evaluate_surface
 

@@ -17,7 +17,7 @@ from usdslf.near_elements import see_each_other
 from usdslf.scene.records import F64, Light, Material, Scene
 
 if TYPE_CHECKING:
-    from usdslf.visibility import RayTracer
+    from usdslf.light_field.visibility import RayTracer
 
 BOUNCES = 5  # vertices of a path after its first
 PROBE_ROUNDS = (2, 6, 16)  # paths per probe; only points not yet reached go into the next round

@@ -22,12 +22,12 @@ from numpy.typing import NDArray
 from usdslf.element_lookup import ElementLookup
 from usdslf.elements import LEAST, Elements
 from usdslf.gpu.device import Device
+from usdslf.light_field.visibility import BLOCKED, RayTracer, Visibility, trace_bins
 from usdslf.near_elements import NEAR, NONE
 from usdslf.sampling.hemisphere import D, bin_directions
 from usdslf.scene.difference import Moved, Space
 from usdslf.scene.records import F32, Scene
 from usdslf.surfaces.surface_points import evaluate_surface, is_opaque
-from usdslf.visibility import BLOCKED, RayTracer, Visibility, trace_bins
 
 MOST_STRETCH = 2.0  # of the area that the elements of a side stand for, up or down, before they are placed afresh
 

@@ -13,7 +13,7 @@ from usdslf.scene.records import F32
 
 if TYPE_CHECKING:
     from usdslf.elements import Elements
-    from usdslf.visibility import RayTracer
+    from usdslf.light_field.visibility import RayTracer
 
 NONE = np.uint32(0xFFFFFFFF)
 NEAR = 8  # elements an entry names

@@ -9,9 +9,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from usdslf.light_field.visibility import RayTracer
 from usdslf.light_set import EmissiveSurfaces, SurfaceEmission
 from usdslf.scene.records import F64, Camera, Scene
-from usdslf.visibility import RayTracer
 
 APERTURE = 36.0, 20.25  # 16 : 9, as pictures are by default
 FOCAL_LENGTH = 45.0

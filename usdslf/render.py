@@ -21,13 +21,13 @@ from numpy.typing import NDArray
 from usdslf.errors import InputError
 from usdslf.final_gather import FOOTPRINT, MAX_DEPTH, Gatherer, RadianceOfHits
 from usdslf.gpu.device import Device
+from usdslf.light_field.visibility import RayTracer
 from usdslf.light_filter import NEAR_TILE, TILE, LightFilter
 from usdslf.light_set import LightSet, brightest
 from usdslf.scene.cameras import camera_rays, pixel_size
 from usdslf.scene.records import F32, Camera, Light, Scene
 from usdslf.shading import ShadingPoints, reflect, shading_points
 from usdslf.surfaces.surface_points import SurfacePoints, evaluate_surface
-from usdslf.visibility import RayTracer
 
 BAND = 300_000  # samples in a band
 LAYERS = 8  # see-through surfaces that a camera ray shows

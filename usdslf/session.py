@@ -29,9 +29,10 @@ from usdslf.frames import Placed, carry
 from usdslf.gpu.device import Device, open_device
 from usdslf.infer import gather_strokes, infer_changes
 from usdslf.infer_indirect import infer_indirect
-from usdslf.light_field import LightField, Surface, require_memory
+from usdslf.light_field.light_field import LightField, Surface, require_memory
+from usdslf.light_field.static_light import static_light
+from usdslf.light_field.visibility import RayTracer, Visibility, trace_visibility
 from usdslf.light_set import LightSet, lights_or_default
-from usdslf.lights import static_light
 from usdslf.overview import overview_camera
 from usdslf.propagate import Weights
 from usdslf.render import render
@@ -58,7 +59,6 @@ from usdslf.usd.edited import open_edited
 from usdslf.usd.preview_material import make_preview as make_preview_materials
 from usdslf.usd.read import open_stage, quiet_usd, read_scene
 from usdslf.usd.wins import AuthoredEdit, compose_over
-from usdslf.visibility import RayTracer, Visibility, trace_visibility
 from usdslf.waking import DarkProbes, probe_dark
 
 MUCH_WORSE = 1.5  # times the residual, where a look falls short of what was found

@@ -14,11 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdslf.gpu.device import Device
+from usdslf.light_field.visibility import RayTracer
 from usdslf.light_guide import SHARE, LightGuide
 from usdslf.light_set import dot, luminance
 from usdslf.scene.records import F32, I32
 from usdslf.surfaces.surface_points import SurfacePoints
-from usdslf.visibility import RayTracer
 
 GROUP = 64  # work items of a group
 COLUMNS = 5  # X, Y, A, B, coat

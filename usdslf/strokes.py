@@ -25,7 +25,7 @@ from usdslf.scene.cameras import camera_rays, film_aspect, project_points
 from usdslf.scene.records import F32, F64, I32, Camera, Scene
 
 if TYPE_CHECKING:
-    from usdslf.visibility import RayTracer
+    from usdslf.light_field.visibility import RayTracer
 
 TOOLS = ("replace", "clone", "brighten", "darken", "blur", "sharpen", "fixate")
 MODES = ("direct", "indirect")

@@ -26,7 +26,7 @@ from usdslf.edits import FREED
 from usdslf.element_solve import OWN, ElementCandidates, choose_candidates, enumerate_elements, follows_f0, joined
 from usdslf.elements import Elements
 from usdslf.errors import AuthorError, InputError
-from usdslf.light_field import LightField, Surface
+from usdslf.light_field.light_field import LightField, Surface
 from usdslf.sampling.blue_noise import surface_coordinates
 from usdslf.sampling.hemisphere import D, bin_directions
 from usdslf.scene.records import F64, Scene

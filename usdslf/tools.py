@@ -44,7 +44,7 @@ from usdslf.evidence import (
     unchanging_radiance,
 )
 from usdslf.geometry.closest_point import nearest_on_triangles
-from usdslf.light_field import LightField
+from usdslf.light_field.light_field import LightField
 from usdslf.light_set import LightSet
 from usdslf.sampling.low_discrepancy import random_shifts, sobol_points
 from usdslf.scene.cameras import camera_rays
@@ -54,7 +54,7 @@ from usdslf.surfaces.surface_points import evaluate_surface
 from usdslf.tables import bilinear
 
 if TYPE_CHECKING:
-    from usdslf.visibility import RayTracer
+    from usdslf.light_field.visibility import RayTracer
 
 BLUR_REACH = 1.25  # brush radii over the surface
 BLUR_ANGLE = 0.08  # radians over directions

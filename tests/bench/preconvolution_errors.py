@@ -23,7 +23,7 @@ from reference.preconvolution import centres, mip_lookups
 from reference.reflectance import frame_about
 
 from usdslf.gpu.device import Device, open_device
-from usdslf.preconvolution import build_level, exact_matrices
+from usdslf.light_field.preconvolution import build_level, exact_matrices
 from usdslf.sampling.hemisphere import D
 from usdslf.surfaces.reflectance import directional_albedo, lobe_parameter, roughness_levels
 

@@ -17,7 +17,7 @@ from usdslf.gallery import sketch_specular
 from usdslf.gallery.play import Play
 from usdslf.gallery.plots import Axis, bars, lines
 from usdslf.gallery.records import Dabs, Entry, Step, on_picture
-from usdslf.light_field import LightField
+from usdslf.light_field.light_field import LightField
 from usdslf.procedural.shot import Inputs
 from usdslf.sampling.hemisphere import bin_of
 from usdslf.scene.records import F64

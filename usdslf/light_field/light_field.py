@@ -18,10 +18,10 @@ from numpy.typing import NDArray
 
 from usdslf.elements import ElementLookup, Elements
 from usdslf.gpu.device import Device
-from usdslf.preconvolution import LevelKernel, build_level, fresnel_diffuse
+from usdslf.light_field.preconvolution import LevelKernel, build_level, fresnel_diffuse
+from usdslf.light_field.visibility import Visibility
 from usdslf.sampling.hemisphere import D, bin_directions
 from usdslf.surfaces.reflectance import LEVEL_COUNT, column_weights, roughness_levels
-from usdslf.visibility import Visibility
 
 LANES = 16
 CHUNK_BLOCKS = 24  # blocks whose light stays in the caches of a CPU

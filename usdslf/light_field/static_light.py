@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from usdslf import light_shapes as shapes
 from usdslf.dome import Dome, Peaks, table_index
+from usdslf.light_field.visibility import ESCAPES, RayTracer, Visibility, thread_count
 from usdslf.light_sampling import LightHit, LightSample, intersect_light, is_delta, sample_light
 from usdslf.sampling.hemisphere import (
     SIDE,
@@ -27,7 +28,6 @@ from usdslf.sampling.hemisphere import (
 )
 from usdslf.sampling.low_discrepancy import random_shifts, sobol_points
 from usdslf.scene.records import F32, Light, Scene
-from usdslf.visibility import ESCAPES, RayTracer, Visibility, thread_count
 
 if TYPE_CHECKING:
     from usdslf.elements import Elements

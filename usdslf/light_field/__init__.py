@@ -1,0 +1,1 @@
+"""The surface light field: visibility G, reflection K, bounces."""
