@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from tests.reference import lights as ref
-from usdslf.dome import Dome, square_of, table_index
+from usdslf.lights.dome import Dome, square_of, table_index
 from usdslf.sampling.hemisphere import SOLID_ANGLE, D, bin_directions
 from usdslf.scene.records import Light
 from usdslf.textures.images import write_image

@@ -15,7 +15,7 @@ from reference.visibility import square_cells
 from usdslf.errors import StrokeError
 from usdslf.evidence import Evidence, build_evidence, gather_samples
 from usdslf.gpu.device import Device
-from usdslf.light_set import LightSet
+from usdslf.lights.sources import LightSet
 from usdslf.sampling.hemisphere import D
 from usdslf.sampling.low_discrepancy import random_shifts, sobol_points
 from usdslf.scene.records import Light

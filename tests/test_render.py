@@ -22,7 +22,7 @@ from usdslf.errors import InputError
 from usdslf.gpu.device import Device
 from usdslf.light_field.visibility import RayTracer
 from usdslf.light_guide import LightGuide
-from usdslf.light_set import LightSet
+from usdslf.lights.sources import LightSet
 from usdslf.render import AOVS, render
 from usdslf.scene.cameras import camera_rays, project_points
 from usdslf.scene.records import Camera, Light, Material, Scene, Texture, constant

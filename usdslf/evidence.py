@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from usdslf.anchors import locate_stroke, where_spilt
 from usdslf.errors import StrokeError
 from usdslf.light_field.light_field import LightField
-from usdslf.light_set import LightSet
+from usdslf.lights.sources import LightSet
 from usdslf.sampling.hemisphere import SOLID_ANGLE, D, bin_directions
 from usdslf.sampling.low_discrepancy import random_shifts, sobol_points
 from usdslf.scene.records import Scene

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from usdslf.gpu.device import Device
 from usdslf.light_field.visibility import Hits, RayTracer
 from usdslf.light_guide import GuidingField, LightGuide
-from usdslf.light_set import Arrival, LightSet, Source, brightest, dot, luminance
+from usdslf.lights.sources import Arrival, LightSet, Source, brightest, dot, luminance
 from usdslf.scene.records import F32, I32, Scene
 from usdslf.shading import COLUMNS, Lobes, ShadingPoints, reflect, shading_points
 from usdslf.surfaces.surface_points import evaluate_surface

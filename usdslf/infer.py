@@ -22,7 +22,7 @@ from usdslf.carriers import carrier_of
 from usdslf.errors import SolveError, StrokeError
 from usdslf.evidence import Evidence, Samples, evaluate_columns, gather_samples
 from usdslf.light_field.light_field import LightField
-from usdslf.light_set import LightSet
+from usdslf.lights.sources import LightSet
 from usdslf.propagate import Weights, reach_of
 from usdslf.reach import dimming, error_of, explains_nothing, seems_too_bright
 from usdslf.residuals import varying_residual

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from usdslf.light_set import lights_or_default
+from usdslf.lights.sources import lights_or_default
 from usdslf.scene.records import Material, PrimvarInput, Scene, Texture
 
 INPUTS = (

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdslf.gpu.device import Device
-from usdslf.light_set import dot, luminance
+from usdslf.lights.sources import dot, luminance
 from usdslf.scene.records import F32
 from usdslf.shading import ShadingPoints, reflect
 

@@ -17,7 +17,7 @@ from scipy.spatial import cKDTree
 
 from usdslf.gpu.device import Device
 from usdslf.light_field.visibility import thread_count
-from usdslf.light_set import LightSet, luminance
+from usdslf.lights.sources import LightSet, luminance
 from usdslf.sampling.blue_noise import surface_coordinates
 from usdslf.sampling.hemisphere import SIDE, D, bin_directions
 from usdslf.scene.records import F32, I32

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdslf.light_field.visibility import RayTracer
-from usdslf.light_set import EmissiveSurfaces, SurfaceEmission
+from usdslf.lights.sources import EmissiveSurfaces, SurfaceEmission
 from usdslf.scene.records import F64, Camera, Scene
 
 APERTURE = 36.0, 20.25  # 16 : 9, as pictures are by default

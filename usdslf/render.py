@@ -23,7 +23,7 @@ from usdslf.final_gather import FOOTPRINT, MAX_DEPTH, Gatherer, RadianceOfHits
 from usdslf.gpu.device import Device
 from usdslf.light_field.visibility import RayTracer
 from usdslf.light_filter import NEAR_TILE, TILE, LightFilter
-from usdslf.light_set import LightSet, brightest
+from usdslf.lights.sources import LightSet, brightest
 from usdslf.scene.cameras import camera_rays, pixel_size
 from usdslf.scene.records import F32, Camera, Light, Scene
 from usdslf.shading import ShadingPoints, reflect, shading_points

@@ -32,7 +32,7 @@ from usdslf.infer_indirect import infer_indirect
 from usdslf.light_field.light_field import LightField, Surface, require_memory
 from usdslf.light_field.static_light import static_light
 from usdslf.light_field.visibility import RayTracer, Visibility, trace_visibility
-from usdslf.light_set import LightSet, lights_or_default
+from usdslf.lights.sources import LightSet, lights_or_default
 from usdslf.overview import overview_camera
 from usdslf.propagate import Weights
 from usdslf.render import render

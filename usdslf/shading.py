@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from usdslf.gpu.device import Device
 from usdslf.light_field.visibility import RayTracer
 from usdslf.light_guide import SHARE, LightGuide
-from usdslf.light_set import dot, luminance
+from usdslf.lights.sources import dot, luminance
 from usdslf.scene.records import F32, I32
 from usdslf.surfaces.surface_points import SurfacePoints
 

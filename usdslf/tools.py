@@ -45,7 +45,7 @@ from usdslf.evidence import (
 )
 from usdslf.geometry.closest_point import nearest_on_triangles
 from usdslf.light_field.light_field import LightField
-from usdslf.light_set import LightSet
+from usdslf.lights.sources import LightSet
 from usdslf.sampling.low_discrepancy import random_shifts, sobol_points
 from usdslf.scene.cameras import camera_rays
 from usdslf.scene.records import F64, Camera, Scene

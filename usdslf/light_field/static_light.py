@@ -14,10 +14,10 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from usdslf import light_shapes as shapes
-from usdslf.dome import Dome, Peaks, table_index
 from usdslf.light_field.visibility import ESCAPES, RayTracer, Visibility, thread_count
-from usdslf.light_sampling import LightHit, LightSample, intersect_light, is_delta, sample_light
+from usdslf.lights import shapes
+from usdslf.lights.dome import Dome, Peaks, table_index
+from usdslf.lights.sampling import LightHit, LightSample, intersect_light, is_delta, sample_light
 from usdslf.sampling.hemisphere import (
     SIDE,
     SOLID_ANGLE,

@@ -27,7 +27,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from usdslf import light_shapes as shapes
+from usdslf.lights import shapes
 from usdslf.scene.records import F32, F64, Light
 
 if TYPE_CHECKING:

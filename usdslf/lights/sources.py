@@ -14,8 +14,8 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from usdslf.dome import Dome
 from usdslf.light_field.static_light import default_lights, intersect_light, is_delta, sample_light
+from usdslf.lights.dome import Dome
 from usdslf.scene.records import F32, I32, Light, Scene
 from usdslf.surfaces.surface_points import evaluate_surface
 
