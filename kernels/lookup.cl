@@ -1,4 +1,4 @@
-/* lookup.cl: the elements near a point of the scene, in constant time.  Device twin of usdslf/element_lookup.py.
+/* lookup.cl: the elements near a point of the scene, in constant time.  Device twin of usdslf/elements/lookup.py.
  *
  *     cell (i, j, upper) of (u, v):  i = floor(u n), j = floor(v n), upper: frac(u n) + frac(v n) > 1
  *     its number:                    i (2 n - i) + 2 j + upper

@@ -8,12 +8,12 @@ from reference.shapes import band, box, corrugated, lamp, make_mesh, make_scene,
 from reference.visibility import square_cells
 from scipy.spatial import cKDTree
 
-from usdslf.element_lookup import blend_weights, link_rays
-from usdslf.elements import ElementLookup, sample_elements, share_out
+from usdslf.elements.cells import cell_centres, cell_of
+from usdslf.elements.elements import ElementLookup, sample_elements, share_out
+from usdslf.elements.lookup import blend_weights, link_rays
 from usdslf.errors import StageError
 from usdslf.gpu.device import open_device
 from usdslf.light_field.visibility import BLOCKED, ESCAPES, RayTracer, points_at
-from usdslf.lookup_cells import cell_centres, cell_of
 from usdslf.sampling.blue_noise import choose_blue_noise
 from usdslf.scene.records import Camera, Material, PrimvarInput, constant
 

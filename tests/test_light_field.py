@@ -11,7 +11,7 @@ from reference import lights as light_ref
 from reference import reflectance as model_ref
 from reference.shapes import box, lamp, quad, sphere
 
-from usdslf.elements import Elements
+from usdslf.elements.elements import Elements
 from usdslf.gpu.device import Device, Kernel
 from usdslf.light_field.static_light import static_light
 from usdslf.light_field.visibility import ESCAPES

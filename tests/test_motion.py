@@ -12,7 +12,7 @@ import pytest
 from moving_stages import FRAMES
 
 import usdslf
-from usdslf.elements import ElementLookup
+from usdslf.elements.elements import ElementLookup
 from usdslf.light_field.visibility import BLOCKED, Visibility, trace_visibility
 from usdslf.motion import move_elements, retrace
 from usdslf.scene.difference import Moved, Space, find_moved, why_not_comparable

@@ -17,7 +17,7 @@ from reference.reflectance import albedo, integrate_columns, preview_surface
 from reference.shapes import band, make_scene, quad, sphere
 
 import usdslf.render as render_module
-from usdslf.elements import sample_elements
+from usdslf.elements.elements import sample_elements
 from usdslf.errors import InputError
 from usdslf.gpu.device import Device
 from usdslf.light_field.visibility import RayTracer

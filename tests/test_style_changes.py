@@ -11,7 +11,7 @@ from pxr import Usd, UsdGeom
 from stage_parts import StageBuilder, ball, rectangle
 
 from usdslf.element_solve import follows_f0
-from usdslf.elements import refresh_reflectance
+from usdslf.elements.elements import refresh_reflectance
 from usdslf.light_field.light_field import Surface
 from usdslf.session import Session
 from usdslf.stylize import take_misfit

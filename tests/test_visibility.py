@@ -5,7 +5,7 @@ import pytest
 from reference.shapes import box, lamp, make_mesh, make_scene, quad, sphere
 from reference.visibility import first_hits, nearest_elements, square_cells
 
-from usdslf.elements import ElementLookup, sample_elements
+from usdslf.elements.elements import ElementLookup, sample_elements
 from usdslf.gpu.device import open_device
 from usdslf.light_field.visibility import (
     BATCH,

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from usdslf.anchors import locate_stroke
-from usdslf.elements import Elements
+from usdslf.elements.elements import Elements
 from usdslf.errors import InputError
 from usdslf.propagate import Places, Weights, gate, most_similar, places_at, reach_of
 from usdslf.scene.cameras import camera_rays

@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from usdslf.element_lookup import ElementLookup
-from usdslf.elements import Elements, refresh_reflectance
+from usdslf.elements.elements import Elements, refresh_reflectance
+from usdslf.elements.lookup import ElementLookup
 from usdslf.gpu.device import Device
 from usdslf.light_field.visibility import RayTracer, Visibility
 from usdslf.motion import move_elements, retrace, why_not_spaced

@@ -23,7 +23,7 @@ from usdslf.sampling.hemisphere import SIDE, D, bin_directions
 from usdslf.scene.records import F32, I32
 
 if TYPE_CHECKING:
-    from usdslf.elements import Elements
+    from usdslf.elements.elements import Elements
 
 BLOCK = 4  # bins on a side
 BLOCKS = D // BLOCK**2

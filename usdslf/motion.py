@@ -19,11 +19,11 @@ from time import perf_counter
 import numpy as np
 from numpy.typing import NDArray
 
-from usdslf.element_lookup import ElementLookup
-from usdslf.elements import LEAST, Elements
+from usdslf.elements.elements import LEAST, Elements
+from usdslf.elements.lookup import ElementLookup
+from usdslf.elements.neighbours import NEAR, NONE
 from usdslf.gpu.device import Device
 from usdslf.light_field.visibility import BLOCKED, RayTracer, Visibility, trace_bins
-from usdslf.near_elements import NEAR, NONE
 from usdslf.sampling.hemisphere import D, bin_directions
 from usdslf.scene.difference import Moved, Space
 from usdslf.scene.records import F32, Scene

@@ -16,7 +16,7 @@ from usdslf.bake import Baked
 from usdslf.carriers import carrier_of, carry
 from usdslf.color import Color
 from usdslf.edits import ByVertex, MaterialChange
-from usdslf.elements import Elements
+from usdslf.elements.elements import Elements
 from usdslf.propagate import Places
 from usdslf.scene.records import F64, Scene
 from usdslf.stylize import MaterialStyle, Stylized

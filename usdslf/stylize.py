@@ -24,7 +24,7 @@ from scipy.spatial import cKDTree
 
 from usdslf.edits import FREED
 from usdslf.element_solve import OWN, ElementCandidates, choose_candidates, enumerate_elements, follows_f0, joined
-from usdslf.elements import Elements
+from usdslf.elements.elements import Elements
 from usdslf.errors import AuthorError, InputError
 from usdslf.light_field.light_field import LightField, Surface
 from usdslf.sampling.blue_noise import surface_coordinates

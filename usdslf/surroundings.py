@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from usdslf.elements import Elements
+from usdslf.elements.elements import Elements
 from usdslf.scene.records import F32, I32
 
 if TYPE_CHECKING:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from usdslf.elements import (
+from usdslf.elements.elements import (
     CANDIDATES,
     LARGEST_COUNT,
     LEAST,
@@ -24,7 +24,7 @@ from usdslf.elements import (
     spread_candidates,
     take_points,
 )
-from usdslf.living_sides import ROUNDS, find_living_points, share_of_living
+from usdslf.elements.reachability import ROUNDS, find_living_points, share_of_living
 from usdslf.sampling.blue_noise import choose_blue_noise, surface_coordinates
 from usdslf.scene.records import F32, I32, Scene
 from usdslf.surfaces.surface_points import SurfacePoints, evaluate_surface

@@ -11,7 +11,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from usdslf.element_lookup import link_rays
+from usdslf.elements.lookup import link_rays
 from usdslf.gpu.device import Device
 from usdslf.sampling.hemisphere import D
 

@@ -30,7 +30,7 @@ from usdslf.sampling.low_discrepancy import random_shifts, sobol_points
 from usdslf.scene.records import F32, Light, Scene
 
 if TYPE_CHECKING:
-    from usdslf.elements import Elements
+    from usdslf.elements.elements import Elements
 
 __all__ = [
     "LightHit",

@@ -28,8 +28,8 @@ from usdslf.scene.records import F32, I32, Scene
 from usdslf.surfaces.surface_points import evaluate_opacity, is_opaque
 
 if TYPE_CHECKING:
-    from usdslf.element_lookup import ElementLookup
-    from usdslf.elements import Elements
+    from usdslf.elements.elements import Elements
+    from usdslf.elements.lookup import ElementLookup
     from usdslf.gpu.device import Device
 
 ESCAPES = np.uint32(0xFFFFFFFF)  # nothing is hit

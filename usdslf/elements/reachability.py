@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from usdslf.near_elements import see_each_other
+from usdslf.elements.neighbours import see_each_other
 from usdslf.scene.records import F64, Light, Material, Scene
 
 if TYPE_CHECKING:

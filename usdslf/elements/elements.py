@@ -15,9 +15,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from usdslf.element_lookup import ElementLookup
+from usdslf.elements.lookup import ElementLookup
+from usdslf.elements.reachability import PROBE_ROUNDS, ROUNDS, find_living_points, share_of_living
 from usdslf.errors import StageError
-from usdslf.living_sides import PROBE_ROUNDS, ROUNDS, find_living_points, share_of_living
 from usdslf.sampling.blue_noise import choose_blue_noise, surface_coordinates
 from usdslf.scene.records import F32, I32, Scene
 from usdslf.surfaces.surface_points import SurfacePoints, evaluate_surface

@@ -12,7 +12,7 @@ from usdslf.sampling.blue_noise import surface_coordinates
 from usdslf.scene.records import F32
 
 if TYPE_CHECKING:
-    from usdslf.elements import Elements
+    from usdslf.elements.elements import Elements
     from usdslf.light_field.visibility import RayTracer
 
 NONE = np.uint32(0xFFFFFFFF)

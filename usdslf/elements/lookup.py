@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from usdslf.lookup_cells import (
+from usdslf.elements.cells import (
     MOST_CELLS,
     cell_centres,
     cell_of,
@@ -25,11 +25,11 @@ from usdslf.lookup_cells import (
     steady_divisions,
     wanted_divisions,
 )
-from usdslf.near_elements import NEAR, NONE, near_elements
+from usdslf.elements.neighbours import NEAR, NONE, near_elements
 from usdslf.scene.records import F32, Scene
 
 if TYPE_CHECKING:
-    from usdslf.elements import Elements
+    from usdslf.elements.elements import Elements
     from usdslf.gpu.device import Device
     from usdslf.light_field.visibility import RayTracer
     from usdslf.scene.difference import Moved

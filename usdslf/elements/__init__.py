@@ -1,0 +1,1 @@
+"""Surface elements: where light lives."""
