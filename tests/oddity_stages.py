@@ -21,7 +21,7 @@ import usdslf
 from usdslf.geometry.closest_point import nearest_on_triangles
 from usdslf.scene.records import Mesh, Scene
 from usdslf.session import Session
-from usdslf.strokes import Stroke
+from usdslf.strokes.stroke import Stroke
 from usdslf.surfaces.surface_points import SurfacePoints, evaluate_surface
 from usdslf.usd.wins import AuthoredEdit
 

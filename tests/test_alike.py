@@ -21,7 +21,7 @@ from usdslf.procedural.shot import Lamp, Part, Shot, View
 from usdslf.propagate import Weights
 from usdslf.scene.cameras import project_points
 from usdslf.session import Session
-from usdslf.strokes import Stroke, paint_stroke
+from usdslf.strokes.stroke import Stroke, paint_stroke
 from usdslf.usd.build_stage import write_stage
 from usdslf.usd.stroke_layer import write_strokes
 

@@ -20,10 +20,10 @@ from pxr import Sdf, Usd
 from test_assets import LAYERS, LIT, UNLIT
 
 import usdslf
-from usdslf.anchors import locate_stroke
 from usdslf.edits import MaterialChange, Reflectance
 from usdslf.gpu.device import Device
 from usdslf.scene.records import PrimvarInput, Scene, Texture
+from usdslf.strokes.anchors import locate_stroke
 from usdslf.surfaces.surface_points import SurfacePoints, evaluate_surface
 from usdslf.usd.author import author_look
 from usdslf.usd.look_layer import bound_relationship

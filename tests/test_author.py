@@ -37,7 +37,7 @@ from usdslf.color import Color
 from usdslf.edits import MaterialChange, Reflectance
 from usdslf.errors import AuthorError
 from usdslf.scene.records import PrimvarInput, Texture
-from usdslf.strokes import Stroke
+from usdslf.strokes.stroke import Stroke
 from usdslf.usd.author import author_look, author_review_root, why_not_editable
 from usdslf.usd.look_layer import bound_relationship, preview_surface, users_of
 from usdslf.usd.materials import MaterialTable

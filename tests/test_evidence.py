@@ -19,7 +19,7 @@ from usdslf.lights.sources import LightSet
 from usdslf.sampling.hemisphere import D
 from usdslf.sampling.low_discrepancy import random_shifts, sobol_points
 from usdslf.scene.records import Light
-from usdslf.strokes import Stroke
+from usdslf.strokes.stroke import Stroke
 from usdslf.surfaces.reflectance import gloss_levels
 
 LEVELS = gloss_levels("preview_surface")

@@ -19,10 +19,10 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdSkel
 from stage_parts import StageBuilder
 
 import usdslf
-from usdslf.anchors import locate_stroke
 from usdslf.scene.records import Scene
 from usdslf.session import Session
-from usdslf.strokes import Stroke
+from usdslf.strokes.anchors import locate_stroke
+from usdslf.strokes.stroke import Stroke
 from usdslf.usd.read import read_scene
 
 FIRST, LAST = 1.0, 10.0

@@ -12,10 +12,10 @@ from moving_stages import FRAMES
 from reference import light_field as ref
 
 import usdslf
-from usdslf.anchors import locate_stroke
 from usdslf.light_field.light_field import LightField
 from usdslf.session import Session
-from usdslf.strokes import Stroke, paint_stroke
+from usdslf.strokes.anchors import locate_stroke
+from usdslf.strokes.stroke import Stroke, paint_stroke
 
 
 @pytest.fixture(scope="module")

@@ -18,7 +18,7 @@ from recovery.indirect_stages import DULL, GOLDEN, RING, SILVER, build_caustic
 import usdslf
 from usdslf.indirect import present_radiance
 from usdslf.infer import gather_strokes
-from usdslf.strokes import Stroke
+from usdslf.strokes.stroke import Stroke
 
 TRUTH = json.loads((Path(__file__).parent / "recovery/caustic_truth.json").read_text())
 ELEMENTS = 2500

@@ -12,7 +12,7 @@ import pytest
 import usdslf
 from usdslf.errors import SolveError, StrokeError
 from usdslf.gallery.indirect_room import MIDDLE, NEAR_RIGHT, ON_BOX, shot_of
-from usdslf.strokes import Stroke
+from usdslf.strokes.stroke import Stroke
 from usdslf.usd.build_stage import write_stage
 
 ELEMENTS = 900

@@ -14,7 +14,7 @@ from stage_parts import StageBuilder
 import usdslf
 from usdslf.infer import gather_strokes, infer_changes
 from usdslf.session import Session
-from usdslf.strokes import Stroke
+from usdslf.strokes.stroke import Stroke
 
 LOOK = {"diffuse": (0.5, 0.4, 0.3), "f0": (0.04,) * 3, "f90": (1.0,) * 3, "roughness": 0.4}
 RED = LOOK | {"diffuse": (0.7, 0.1, 0.1)}

@@ -22,7 +22,7 @@ from test_session import dabs, places, seen, write_plane
 import usdslf
 from usdslf.errors import AuthorError
 from usdslf.scene.records import Texture
-from usdslf.strokes import Stroke
+from usdslf.strokes.stroke import Stroke
 from usdslf.textures.images import write_image
 from usdslf.usd.edited import open_edited
 from usdslf.usd.read import read_scene

@@ -21,7 +21,7 @@ from stage_parts import StageBuilder
 import usdslf
 from usdslf.errors import SolveError, StrokeError
 from usdslf.session import Session
-from usdslf.strokes import Stroke
+from usdslf.strokes.stroke import Stroke
 
 EYE = np.array([0.9, 0.5, 1.4])
 LAMP, SIZE, POWER = np.array([-0.8, -0.4, 1.3]), (0.8, 0.5), np.array([4.0, 3.6, 3.0])

@@ -19,7 +19,7 @@ from usdslf.solve import (
     relative_error,
     whiten,
 )
-from usdslf.strokes import Stroke
+from usdslf.strokes.stroke import Stroke
 from usdslf.surfaces.reflectance import roughness_levels
 from usdslf.surfaces.surface_points import SurfacePoints
 from usdslf.tables import Tables, pool_tables

@@ -14,7 +14,7 @@ import pytest
 from pxr import Sdf, Usd, UsdGeom
 
 from usdslf.errors import AuthorError, StrokeError
-from usdslf.strokes import MODES, NORMS, SCOPES, SPACES, TOOLS, Stroke
+from usdslf.strokes.stroke import MODES, NORMS, SCOPES, SPACES, TOOLS, Stroke
 from usdslf.usd.schema import API_SCHEMA, PROPERTIES
 from usdslf.usd.stroke_layer import read_strokes, write_strokes
 

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from usdslf.anchors import locate_stroke, painted_faces
 from usdslf.errors import StrokeError
 from usdslf.geometry.closest_point import nearest_on_triangles
 from usdslf.light_field.visibility import RayTracer
 from usdslf.scene.cameras import project_points
 from usdslf.scene.records import Camera, Material, Mesh, Scene
-from usdslf.strokes import Stroke, dab_rows, paint_stroke, sample_picture, validate_stroke
+from usdslf.strokes.anchors import locate_stroke, painted_faces
+from usdslf.strokes.stroke import Stroke, dab_rows, paint_stroke, sample_picture, validate_stroke
 
 QUAD = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], np.float32)
 

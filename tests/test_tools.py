@@ -17,7 +17,7 @@ from usdslf.errors import StrokeError
 from usdslf.gpu.device import Device
 from usdslf.infer import gather_strokes
 from usdslf.session import Session
-from usdslf.strokes import TOOLS, Stroke, paint_stroke
+from usdslf.strokes.stroke import TOOLS, Stroke, paint_stroke
 from usdslf.tools import OPERATORS, Seen, apply_tool, offset_on_picture
 
 Made = Callable[..., Session]

@@ -14,7 +14,7 @@ import pytest
 from look_stages import F, add_material, author, bind, change_of, compose, new_shot, new_stage
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, UsdValidation
 
-from usdslf.strokes import Stroke
+from usdslf.strokes.stroke import Stroke
 from usdslf.usd import validators
 from usdslf.usd.author import author_look
 from usdslf.usd.stroke_layer import write_strokes

@@ -13,7 +13,7 @@ from varying_floor import gradient, places, seen, stroke, surface_at, write_floo
 import usdslf
 from usdslf.geometry.uv_layout import lies_flat
 from usdslf.session import Session
-from usdslf.strokes import Stroke
+from usdslf.strokes.stroke import Stroke
 
 
 @pytest.fixture(scope="module")

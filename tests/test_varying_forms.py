@@ -29,7 +29,7 @@ import usdslf
 from usdslf.errors import StrokeError
 from usdslf.session import Session
 from usdslf.solve import Options
-from usdslf.strokes import Stroke
+from usdslf.strokes.stroke import Stroke
 from usdslf.usd.baked_files import textures_folder
 
 P = places()

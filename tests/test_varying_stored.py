@@ -32,7 +32,7 @@ from usdslf.changes import with_varying
 from usdslf.color import color_of
 from usdslf.errors import AuthorError
 from usdslf.session import Session
-from usdslf.strokes import Stroke
+from usdslf.strokes.stroke import Stroke
 from usdslf.usd.baked_files import textures_folder
 
 P = places()

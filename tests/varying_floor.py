@@ -13,7 +13,7 @@ from stage_parts import InputValue, StageBuilder, rectangle
 
 from usdslf.geometry.closest_point import nearest_on_triangles
 from usdslf.scene.records import Scene
-from usdslf.strokes import Stroke
+from usdslf.strokes.stroke import Stroke
 from usdslf.surfaces.surface_points import SurfacePoints, evaluate_surface
 
 EYE = np.array([0.3, 2.2, 1.6])

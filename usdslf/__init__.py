@@ -38,7 +38,7 @@ from usdslf.plugin_path import announce_schema
 if TYPE_CHECKING:
     from usdslf.scene.records import Scene
     from usdslf.session import Session, open
-    from usdslf.strokes import Stroke, paint_stroke
+    from usdslf.strokes.stroke import Stroke, paint_stroke
     from usdslf.usd.stroke_layer import read_strokes, write_strokes
 
 __version__ = "0.1.0"
@@ -62,8 +62,8 @@ _HOME = {
     "Scene": "usdslf.scene.records",
     "Session": "usdslf.session",
     "open": "usdslf.session",
-    "Stroke": "usdslf.strokes",
-    "paint_stroke": "usdslf.strokes",
+    "Stroke": "usdslf.strokes.stroke",
+    "paint_stroke": "usdslf.strokes.stroke",
     "read_strokes": "usdslf.usd.stroke_layer",
     "write_strokes": "usdslf.usd.stroke_layer",
 }

@@ -14,13 +14,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from usdslf.anchors import locate_stroke
 from usdslf.elements.elements import Elements
 from usdslf.errors import InputError
 from usdslf.propagate import Places, Weights, gate, most_similar, places_at, reach_of
 from usdslf.scene.cameras import camera_rays
 from usdslf.scene.records import F32, Camera, Scene
-from usdslf.strokes import Stroke, dab_rows
+from usdslf.strokes.anchors import locate_stroke
+from usdslf.strokes.stroke import Stroke, dab_rows
 
 if TYPE_CHECKING:
     from usdslf.light_field.visibility import RayTracer

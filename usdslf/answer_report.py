@@ -12,7 +12,7 @@ from usdslf.answers import Answer, alike_means, means_of
 from usdslf.changes import shown_on
 from usdslf.edits import inferred
 from usdslf.scene.records import Scene
-from usdslf.strokes import Stroke
+from usdslf.strokes.stroke import Stroke
 from usdslf.stylize import Stylized
 from usdslf.usd.wins import AuthoredEdit
 

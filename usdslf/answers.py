@@ -17,7 +17,7 @@ from usdslf.evidence import Evidence, Samples, build_evidence
 from usdslf.propagate import Places
 from usdslf.scene.records import Scene
 from usdslf.solve import Candidate
-from usdslf.strokes import Stroke
+from usdslf.strokes.stroke import Stroke
 from usdslf.tables import Tables
 from usdslf.varying import Varying, VaryingAnswer
 

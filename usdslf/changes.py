@@ -14,7 +14,6 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from usdslf.anchors import locate_stroke, painted_faces
 from usdslf.answers import Answer, alike_means
 from usdslf.bake import Baked
 from usdslf.carriers import carrier_of, carry, input_values
@@ -24,7 +23,8 @@ from usdslf.light_field.light_field import LightField
 from usdslf.propagate import Places, places_at
 from usdslf.scene.records import Scene
 from usdslf.solve import Candidate
-from usdslf.strokes import Stroke
+from usdslf.strokes.anchors import locate_stroke, painted_faces
+from usdslf.strokes.stroke import Stroke
 from usdslf.stylize import MaterialStyle
 from usdslf.varying import Varying, as_even
 

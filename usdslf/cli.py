@@ -20,13 +20,13 @@ import numpy as np
 import usdslf
 from usdslf.errors import AuthorError, InputError, StrokeError, UsdslfError
 from usdslf.options import Choose, Color3, Offset, Path2D, Similarity, Size, Weights
-from usdslf.strokes import MODES, NORMS, SCOPES, SPACES, TOOLS
+from usdslf.strokes.stroke import MODES, NORMS, SCOPES, SPACES, TOOLS
 from usdslf.surfaces.reflectance import MODELS
 from usdslf.terminal import progress, warn
 
 if TYPE_CHECKING:
     from usdslf.session import Say, Session
-    from usdslf.strokes import Stroke
+    from usdslf.strokes.stroke import Stroke
 
 
 @dataclass
@@ -269,7 +269,7 @@ def stroke(
     size: tuple[int, int] | None, clone_offset: list[float] | None, frame: float | None, refine: int, **brush: Any,
 ) -> None:  # fmt: skip
     """Paint a stroke into a stroke layer; prints the path of its prim."""
-    from usdslf.picked_color import paint_color, paint_image
+    from usdslf.strokes.colors import paint_color, paint_image
     from usdslf.usd.stroke_layer import read_strokes, write_strokes
 
     given = (color is not None) + (image is not None)

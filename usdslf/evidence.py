@@ -17,14 +17,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from usdslf.anchors import locate_stroke, where_spilt
 from usdslf.errors import StrokeError
 from usdslf.light_field.light_field import LightField
 from usdslf.lights.sources import LightSet
 from usdslf.sampling.hemisphere import SOLID_ANGLE, D, bin_directions
 from usdslf.sampling.low_discrepancy import random_shifts, sobol_points
 from usdslf.scene.records import Scene
-from usdslf.strokes import Stroke, dab_rows
+from usdslf.strokes.anchors import locate_stroke, where_spilt
+from usdslf.strokes.stroke import Stroke, dab_rows
 from usdslf.surfaces.reflectance import gloss_levels, lobe_parameter
 from usdslf.surfaces.surface_points import SurfacePoints, evaluate_surface
 

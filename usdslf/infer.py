@@ -38,7 +38,7 @@ from usdslf.solve import (
     ways_of,
     whiten,
 )
-from usdslf.strokes import Stroke
+from usdslf.strokes.stroke import Stroke
 from usdslf.surfaces.reflectance import gloss_levels
 from usdslf.tables import Tables, pool_tables
 from usdslf.tools import asks_for_nothing, expected_error, wanted_radiance

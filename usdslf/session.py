@@ -40,7 +40,7 @@ from usdslf.residuals import residual_as_preview, residual_as_written
 from usdslf.scene.difference import why_not_comparable
 from usdslf.scene.records import Camera, Light, Scene
 from usdslf.solve import Options
-from usdslf.strokes import Stroke
+from usdslf.strokes.stroke import Stroke
 from usdslf.style_changes import with_styles
 from usdslf.stylize import (
     AMOUNT,

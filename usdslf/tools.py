@@ -32,7 +32,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from usdslf.anchors import Located, locate_stroke, points_on_triangles
 from usdslf.errors import StrokeError
 from usdslf.evidence import (
     Samples,
@@ -49,7 +48,8 @@ from usdslf.lights.sources import LightSet
 from usdslf.sampling.low_discrepancy import random_shifts, sobol_points
 from usdslf.scene.cameras import camera_rays
 from usdslf.scene.records import F64, Camera, Scene
-from usdslf.strokes import Stroke
+from usdslf.strokes.anchors import Located, locate_stroke, points_on_triangles
+from usdslf.strokes.stroke import Stroke
 from usdslf.surfaces.surface_points import evaluate_surface
 from usdslf.tables import bilinear
 

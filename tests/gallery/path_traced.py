@@ -10,7 +10,7 @@ from pxr import Usd
 from reference.pathtracer import Tracer
 
 from usdslf.gallery.records import Step
-from usdslf.strokes import Stroke, dab_rows
+from usdslf.strokes.stroke import Stroke, dab_rows
 
 
 @dataclass(frozen=True)

@@ -22,8 +22,8 @@ from usdslf.gallery.records import Dabs, Entry, Picture, Shown, Step
 from usdslf.outputs import write_json, write_picture
 from usdslf.report import lines_of_report
 from usdslf.session import Session
-from usdslf.stroke_picture import draw_strokes
-from usdslf.strokes import Stroke, paint_stroke
+from usdslf.strokes.overlay import draw_strokes
+from usdslf.strokes.stroke import Stroke, paint_stroke
 from usdslf.textures.images import write_image
 from usdslf.usd.build_stage import write_stage
 from usdslf.usd.stroke_layer import write_strokes

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from usdslf.answers import Answer
     from usdslf.gallery.play import Play
     from usdslf.session import Session
-    from usdslf.strokes import Stroke
+    from usdslf.strokes.stroke import Stroke
 
 Point = tuple[float, float]
 Rgb = tuple[float, float, float]

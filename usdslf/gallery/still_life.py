@@ -31,7 +31,7 @@ from usdslf.procedural.shapes import (
 )
 from usdslf.procedural.shot import Inputs, Lamp, Part, Shot, View
 from usdslf.procedural.textures import planks, studio
-from usdslf.strokes import Stroke
+from usdslf.strokes.stroke import Stroke
 from usdslf.textures.images import write_image
 
 RADIUS = 0.012  # of a dab, in picture heights

@@ -10,13 +10,13 @@ from pathlib import Path
 
 import numpy as np
 
-from usdslf.anchors import unit
 from usdslf.gallery.play import Play
 from usdslf.gallery.records import Entry
 from usdslf.procedural.shapes import ball, panel
 from usdslf.procedural.shot import Inputs, Lamp, Part, Shot, View
 from usdslf.procedural.textures import planks, studio
 from usdslf.scene.cameras import project_points
+from usdslf.strokes.anchors import unit
 from usdslf.textures.images import write_image
 
 TOOLS = ("blur", "sharpen", "brighten", "darken", "replace", "clone", "fixate")

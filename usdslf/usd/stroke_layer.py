@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from pxr import Gf, Sdf, Tf, Usd, UsdGeom, Vt
 
 from usdslf.errors import AuthorError, StrokeError
-from usdslf.strokes import Stroke, validate_stroke
+from usdslf.strokes.stroke import Stroke, validate_stroke
 from usdslf.usd.files import write_layer
 from usdslf.usd.read import quiet_usd
 from usdslf.usd.schema import API_SCHEMA, register_schema

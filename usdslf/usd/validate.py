@@ -287,7 +287,7 @@ def _numbers(value: Any) -> np.ndarray:
 
 def _of_strokes(stage: Usd.Stage, layer: Sdf.Layer, scene: Scene | None) -> Iterator[Finding]:
     """Strokes that cannot be meant, or whose surfaces are gone or elsewhere."""
-    from usdslf.anchors import locate_stroke
+    from usdslf.strokes.anchors import locate_stroke
 
     file = layer.GetDisplayName()
     try:

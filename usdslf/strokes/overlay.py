@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from usdslf.color import Color
 from usdslf.scene.cameras import project_points
 from usdslf.scene.records import F32, Camera
-from usdslf.strokes import Stroke
+from usdslf.strokes.stroke import Stroke
 
 RIM = 1.5  # pixels of white around a dab, so that a dab of the surface's own colour shows
 

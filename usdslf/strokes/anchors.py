@@ -18,7 +18,7 @@ from usdslf.geometry.closest_point import nearest_on_triangles, triangles_within
 from usdslf.scene.records import F32, F64, I32, Scene
 
 if TYPE_CHECKING:
-    from usdslf.strokes import Stroke
+    from usdslf.strokes.stroke import Stroke
 
 
 SPILT = 0.15  # share of a stroke's points on other materials that a painter may not have meant

@@ -19,10 +19,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from usdslf.anchors import points_on_triangles, turned_towards, unit
 from usdslf.errors import StrokeError
 from usdslf.scene.cameras import camera_rays, film_aspect, project_points
 from usdslf.scene.records import F32, F64, I32, Camera, Scene
+from usdslf.strokes.anchors import points_on_triangles, turned_towards, unit
 
 if TYPE_CHECKING:
     from usdslf.light_field.visibility import RayTracer
