@@ -18,9 +18,9 @@ from usdslf.errors import StrokeError
 from usdslf.light_field.light_field import LightField
 from usdslf.procedural.shapes import ball, panel
 from usdslf.procedural.shot import Lamp, Part, Shot, View
-from usdslf.propagate import Weights
 from usdslf.scene.cameras import project_points
 from usdslf.session import Session
+from usdslf.similarity.similarity import Weights
 from usdslf.strokes.stroke import Stroke, paint_stroke
 from usdslf.usd.build_stage import write_stage
 from usdslf.usd.stroke_layer import write_strokes

@@ -7,8 +7,8 @@ import pytest
 from reference import propagate as ref
 
 from usdslf.errors import InputError
-from usdslf.propagate import Places, Weights, gate, most_similar, reach_of, shares, similarity
-from usdslf.upsample import upsample
+from usdslf.similarity.similarity import Places, Weights, gate, most_similar, reach_of, shares, similarity
+from usdslf.similarity.upsample import upsample
 
 
 def some(n: int, seed: int) -> Places:

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdslf.evidence import Evidence, Samples, build_evidence
-from usdslf.propagate import Places
 from usdslf.scene.records import Scene
+from usdslf.similarity.similarity import Places
 from usdslf.solve import Candidate
 from usdslf.strokes.stroke import Stroke
 from usdslf.tables import Tables

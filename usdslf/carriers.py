@@ -24,8 +24,8 @@ from usdslf.color import Color
 from usdslf.edits import ByVertex
 from usdslf.geometry.closest_point import nearest_on_triangles
 from usdslf.geometry.uv_layout import common_sets, lies_flat
-from usdslf.propagate import Places, places_at
 from usdslf.scene.records import F64, Material, Scene, Texture
+from usdslf.similarity.similarity import Places, places_at
 from usdslf.surfaces.preview_surface import NATURAL_IOR, ior_for, normal_reflectance
 from usdslf.textures.images import files_of, load_texture, why_unreadable
 

@@ -20,8 +20,8 @@ from usdslf.carriers import carrier_of, carry, input_values
 from usdslf.color import Color
 from usdslf.edits import InputEdit, MaterialChange, Reflectance, material_change_to_input_edits
 from usdslf.light_field.light_field import LightField
-from usdslf.propagate import Places, places_at
 from usdslf.scene.records import Scene
+from usdslf.similarity.similarity import Places, places_at
 from usdslf.solve import Candidate
 from usdslf.strokes.anchors import locate_stroke, painted_faces
 from usdslf.strokes.stroke import Stroke

@@ -209,9 +209,9 @@ def render(
     elements: int, bounces: int, make_preview: bool, model: str, frame: float | None, refine: int,
 ) -> None:  # fmt: skip
     """A picture of direct and indirect light."""
-    from usdslf import propagate
     from usdslf.outputs import SIMILARITY, check_picture, write_picture
     from usdslf.scene.cameras import film_size
+    from usdslf.similarity import similarity as propagate
     from usdslf.usd.edited import open_edited
 
     check_picture(output, aovs)
@@ -330,9 +330,9 @@ def solve(
     mode: str | None, make_preview: bool, model: str, frame: float | None, refine: int,
 ) -> None:  # fmt: skip
     """Find the smallest material change that explains the strokes, and write it as a look layer."""
-    from usdslf import propagate
     from usdslf.outputs import check_place, write_json
     from usdslf.report import lines_of_report
+    from usdslf.similarity import similarity as propagate
     from usdslf.solve import Options
     from usdslf.usd.stroke_layer import read_strokes
 

@@ -16,17 +16,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from usdslf.alike import ALL, MOST, OF_MATERIALS, alike_materials
 from usdslf.answers import Answer, Painted, Pool, changed_surface, means_of, scope_rows
 from usdslf.carriers import carrier_of
 from usdslf.errors import SolveError, StrokeError
 from usdslf.evidence import Evidence, Samples, evaluate_columns, gather_samples
 from usdslf.light_field.light_field import LightField
 from usdslf.lights.sources import LightSet
-from usdslf.propagate import Weights, reach_of
 from usdslf.reach import dimming, error_of, explains_nothing, seems_too_bright
 from usdslf.residuals import varying_residual
 from usdslf.scene.records import Scene
+from usdslf.similarity.materials import ALL, MOST, OF_MATERIALS, alike_materials
+from usdslf.similarity.similarity import Weights, reach_of
 from usdslf.solve import (
     Candidate,
     Options,

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from usdslf.answers import Answer, Painted
 from usdslf.evidence import evaluate_columns, mean_by, unchanging_radiance
 from usdslf.light_field.light_field import LightField
-from usdslf.propagate import places_of
 from usdslf.scene.records import Scene
+from usdslf.similarity.similarity import places_of
 from usdslf.surfaces.surface_points import evaluate_surface
 from usdslf.tables import bilinear
 from usdslf.varying import Varying

@@ -17,7 +17,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 import usdslf
-from usdslf.alike import painted_places, similarity_picture
 from usdslf.answer_report import report_of
 from usdslf.answers import Answer, Painted, Pool
 from usdslf.changes import changes_of, restyled, with_varying
@@ -34,11 +33,12 @@ from usdslf.light_field.static_light import static_light
 from usdslf.light_field.visibility import RayTracer, Visibility, trace_visibility
 from usdslf.lights.sources import LightSet, lights_or_default
 from usdslf.overview import overview_camera
-from usdslf.propagate import Weights
 from usdslf.render import render
 from usdslf.residuals import residual_as_preview, residual_as_written
 from usdslf.scene.difference import why_not_comparable
 from usdslf.scene.records import Camera, Light, Scene
+from usdslf.similarity.materials import painted_places, similarity_picture
+from usdslf.similarity.similarity import Weights
 from usdslf.solve import Options
 from usdslf.strokes.stroke import Stroke
 from usdslf.style_changes import with_styles

@@ -17,10 +17,10 @@ from usdslf.carriers import carrier_of, carry
 from usdslf.color import Color
 from usdslf.edits import ByVertex, MaterialChange
 from usdslf.elements.elements import Elements
-from usdslf.propagate import Places
 from usdslf.scene.records import F64, Scene
+from usdslf.similarity.similarity import Places
+from usdslf.similarity.upsample import upsampling_weights
 from usdslf.stylize import MaterialStyle, Stylized
-from usdslf.upsample import upsampling_weights
 
 FINER = 3  # texels between elements
 SMALLEST, LARGEST = 64, 512  # texels on a side of a texture for an input that had none

@@ -24,8 +24,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from usdslf.evidence import Evidence, mean_by
-from usdslf.propagate import Places, Weights, blocks, reach_of, shares
 from usdslf.scene.records import F64
+from usdslf.similarity.similarity import Places, Weights, blocks, reach_of, shares
 from usdslf.solve import Candidate, Options, refit, relative_error, score
 from usdslf.tables import Tables
 

@@ -15,8 +15,8 @@ from usdslf.gallery.play import Play
 from usdslf.gallery.records import Entry
 from usdslf.procedural.shapes import Shape, ball, panel, rounded_box, turned_about
 from usdslf.procedural.shot import Inputs, Lamp, Part, Shot, View
-from usdslf.propagate import Weights
 from usdslf.scene.records import F32
+from usdslf.similarity.similarity import Weights
 
 SIZE = (320, 180)
 RADIUS = 0.07

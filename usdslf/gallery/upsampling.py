@@ -15,11 +15,11 @@ from usdslf.gallery.play import Play
 from usdslf.gallery.records import Entry
 from usdslf.procedural.shapes import ball, panel
 from usdslf.procedural.shot import Inputs, Lamp, Part, Shot, View
-from usdslf.propagate import places_at
 from usdslf.scene.records import F32, F64
+from usdslf.similarity.similarity import places_at
+from usdslf.similarity.upsample import upsample
 from usdslf.textures.images import write_image
 from usdslf.textures.rasterize import texel_points
-from usdslf.upsample import upsample
 
 SQUARES, TEXELS, GRID = 6, 192, 32  # GRID: texels of the file in a square
 OCHRE, GREY = (0.78, 0.62, 0.30), (0.42, 0.45, 0.50)  # sRGB encoded

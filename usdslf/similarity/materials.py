@@ -16,9 +16,9 @@ import numpy as np
 
 from usdslf.elements.elements import Elements
 from usdslf.errors import InputError
-from usdslf.propagate import Places, Weights, gate, most_similar, places_at, reach_of
 from usdslf.scene.cameras import camera_rays
 from usdslf.scene.records import F32, Camera, Scene
+from usdslf.similarity.similarity import Places, Weights, gate, most_similar, places_at, reach_of
 from usdslf.strokes.anchors import locate_stroke
 from usdslf.strokes.stroke import Stroke, dab_rows
 

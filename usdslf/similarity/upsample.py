@@ -16,8 +16,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import cKDTree
 
-from usdslf.propagate import Places
 from usdslf.scene.records import F64
+from usdslf.similarity.similarity import Places
 
 NEAREST = 16
 APPEARANCE_STEP = 0.06  # of d, F0 and roughness together
