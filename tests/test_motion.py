@@ -12,9 +12,9 @@ import pytest
 from moving_stages import FRAMES
 
 import usdslf
+from usdslf.animation.retrace import move_elements, retrace
 from usdslf.elements.elements import ElementLookup
 from usdslf.light_field.visibility import BLOCKED, Visibility, trace_visibility
-from usdslf.motion import move_elements, retrace
 from usdslf.scene.difference import Moved, Space, find_moved, why_not_comparable
 from usdslf.session import Session
 

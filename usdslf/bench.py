@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from usdslf.frames import Placed, carry
+from usdslf.animation.frames import Placed, carry
 from usdslf.gallery import still_life
 from usdslf.gallery.play import Play
 from usdslf.gpu.device import Device

@@ -17,6 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 import usdslf
+from usdslf.animation.frames import Placed, carry
+from usdslf.animation.revealed import DarkProbes, probe_dark
 from usdslf.answer_report import report_of
 from usdslf.answers import Answer, Painted, Pool
 from usdslf.changes import changes_of, restyled, with_varying
@@ -24,7 +26,6 @@ from usdslf.color import Color, color_of
 from usdslf.edits import MaterialChange
 from usdslf.elements.elements import ElementLookup, Elements, refresh_reflectance, sample_elements
 from usdslf.errors import InputError, SolveError, StageError, StrokeError
-from usdslf.frames import Placed, carry
 from usdslf.gpu.device import Device, open_device
 from usdslf.infer import gather_strokes, infer_changes
 from usdslf.infer_indirect import infer_indirect
@@ -59,7 +60,6 @@ from usdslf.usd.edited import open_edited
 from usdslf.usd.preview_material import make_preview as make_preview_materials
 from usdslf.usd.read import open_stage, quiet_usd, read_scene
 from usdslf.usd.wins import AuthoredEdit, compose_over
-from usdslf.waking import DarkProbes, probe_dark
 
 MUCH_WORSE = 1.5  # times the residual, where a look falls short of what was found
 Say = Callable[[str, float], None]

@@ -11,14 +11,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from usdslf.animation.retrace import move_elements, retrace, why_not_spaced
+from usdslf.animation.revealed import DarkProbes, wake_elements
 from usdslf.elements.elements import Elements, refresh_reflectance
 from usdslf.elements.lookup import ElementLookup
 from usdslf.gpu.device import Device
 from usdslf.light_field.visibility import RayTracer, Visibility
-from usdslf.motion import move_elements, retrace, why_not_spaced
 from usdslf.scene.difference import find_moved, look_alike
 from usdslf.scene.records import Scene
-from usdslf.waking import DarkProbes, wake_elements
 
 
 @dataclass(frozen=True)

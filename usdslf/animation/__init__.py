@@ -1,0 +1,1 @@
+"""Other frames of a shot."""
