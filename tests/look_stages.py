@@ -12,7 +12,7 @@ import numpy as np
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, UsdValidation, Vt
 from reference.preview_surface_inputs import FALLBACKS, reflectance
 
-from usdslf.edits import MaterialChange, Reflectance
+from usdslf.edits.edits import MaterialChange, Reflectance
 from usdslf.scene.records import Material, PrimvarInput, Texture, constant
 from usdslf.textures.images import write_image
 from usdslf.usd.author import author_look, author_review_root

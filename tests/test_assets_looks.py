@@ -20,7 +20,7 @@ from pxr import Sdf, Usd
 from test_assets import LAYERS, LIT, UNLIT
 
 import usdslf
-from usdslf.edits import MaterialChange, Reflectance
+from usdslf.edits.edits import MaterialChange, Reflectance
 from usdslf.gpu.device import Device
 from usdslf.scene.records import PrimvarInput, Scene, Texture
 from usdslf.strokes.anchors import locate_stroke

@@ -34,7 +34,7 @@ from numpy.testing import assert_allclose
 from pxr import Gf, Kind, Sdf, Usd, UsdGeom, UsdShade, Vt
 
 from usdslf.color import Color
-from usdslf.edits import MaterialChange, Reflectance
+from usdslf.edits.edits import MaterialChange, Reflectance
 from usdslf.errors import AuthorError
 from usdslf.scene.records import PrimvarInput, Texture
 from usdslf.strokes.stroke import Stroke

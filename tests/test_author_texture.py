@@ -12,8 +12,8 @@ from numpy.testing import assert_allclose
 from numpy.typing import NDArray
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, Vt
 
-from usdslf.bake import bake_texture, plain_texture
-from usdslf.edits import MaterialChange, Reflectance
+from usdslf.edits.baked_texture import bake_texture, plain_texture
+from usdslf.edits.edits import MaterialChange, Reflectance
 from usdslf.scene.records import Scene, Texture
 from usdslf.surfaces.surface_points import evaluate_surface
 from usdslf.textures.images import write_image

@@ -12,8 +12,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
-from usdslf.bake import Baked, bake_texture, delta_of_samples, plain_texture
 from usdslf.color import Color
+from usdslf.edits.baked_texture import Baked, bake_texture, delta_of_samples, plain_texture
 from usdslf.errors import AuthorError
 from usdslf.scene.records import Material, Mesh, Scene, Texture
 from usdslf.textures.images import load_texture, sample_texture, write_image

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from reference.preview_surface_inputs import fresnel_at_normal, reflectance
 
-from usdslf.edits import (
+from usdslf.edits.edits import (
     InputEdit,
     MaterialChange,
     Reflectance,

@@ -32,7 +32,7 @@ from look_stages import (
 )
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, Vt
 
-from usdslf.edits import MaterialChange
+from usdslf.edits.edits import MaterialChange
 from usdslf.errors import AuthorError
 from usdslf.surfaces.surface_points import evaluate_surface
 from usdslf.usd.look_layer import gprims_of, parts_of

@@ -12,7 +12,7 @@ from pxr import Usd
 from scipy.ndimage import uniform_filter
 from test_author_texture import textured_shot
 
-from usdslf.edits import MaterialChange, Reflectance
+from usdslf.edits.edits import MaterialChange, Reflectance
 from usdslf.scene.records import Scene
 from usdslf.surfaces.surface_points import SurfacePoints, evaluate_surface
 from usdslf.usd.read import read_scene

@@ -25,11 +25,12 @@ from varying_floor import (
 )
 
 import usdslf
-from usdslf import bake, infer
+from usdslf import infer
 from usdslf.answers import changed_surface
-from usdslf.carriers import Carrier
 from usdslf.changes import with_varying
 from usdslf.color import color_of
+from usdslf.edits.edits import baked_texture as bake
+from usdslf.edits.storage import Carrier
 from usdslf.errors import AuthorError
 from usdslf.session import Session
 from usdslf.strokes.stroke import Stroke

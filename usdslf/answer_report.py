@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from usdslf.answers import Answer, alike_means, means_of
 from usdslf.changes import shown_on
-from usdslf.edits import inferred
+from usdslf.edits.edits import inferred
 from usdslf.scene.records import Scene
 from usdslf.strokes.stroke import Stroke
 from usdslf.stylize import Stylized

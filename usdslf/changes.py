@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdslf.answers import Answer, alike_means
-from usdslf.bake import Baked
-from usdslf.carriers import carrier_of, carry, input_values
 from usdslf.color import Color
-from usdslf.edits import InputEdit, MaterialChange, Reflectance, material_change_to_input_edits
+from usdslf.edits.baked_texture import Baked
+from usdslf.edits.edits import InputEdit, MaterialChange, Reflectance, material_change_to_input_edits
+from usdslf.edits.storage import carrier_of, carry, input_values
 from usdslf.light_field.light_field import LightField
 from usdslf.scene.records import Scene
 from usdslf.similarity.similarity import Places, places_at

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdslf.answers import Answer, Painted, Pool, changed_surface, means_of, scope_rows
-from usdslf.carriers import carrier_of
+from usdslf.edits.storage import carrier_of
 from usdslf.errors import SolveError, StrokeError
 from usdslf.evidence import Evidence, Samples, evaluate_columns, gather_samples
 from usdslf.light_field.light_field import LightField

@@ -23,7 +23,7 @@ from usdslf.answer_report import report_of
 from usdslf.answers import Answer, Painted, Pool
 from usdslf.changes import changes_of, restyled, with_varying
 from usdslf.color import Color, color_of
-from usdslf.edits import MaterialChange
+from usdslf.edits.edits import MaterialChange
 from usdslf.elements.elements import ElementLookup, Elements, refresh_reflectance, sample_elements
 from usdslf.errors import InputError, SolveError, StageError, StrokeError
 from usdslf.gpu.device import Device, open_device

@@ -12,10 +12,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from usdslf.bake import Baked
-from usdslf.carriers import carrier_of, carry
 from usdslf.color import Color
-from usdslf.edits import ByVertex, MaterialChange
+from usdslf.edits.baked_texture import Baked
+from usdslf.edits.edits import ByVertex, MaterialChange
+from usdslf.edits.storage import carrier_of, carry
 from usdslf.elements.elements import Elements
 from usdslf.scene.records import F64, Scene
 from usdslf.similarity.similarity import Places

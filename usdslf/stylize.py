@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from usdslf.edits import FREED
+from usdslf.edits.edits import FREED
 from usdslf.element_solve import OWN, ElementCandidates, choose_candidates, enumerate_elements, follows_f0, joined
 from usdslf.elements.elements import Elements
 from usdslf.errors import AuthorError, InputError

@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING, Any
 
 from pxr import Sdf, Tf, Usd, UsdShade, Vt
 
-from usdslf.edits import MaterialChange, material_change_to_input_edits
+from usdslf.edits.edits import MaterialChange, material_change_to_input_edits
 from usdslf.errors import AuthorError, StageError
 from usdslf.usd.baked_files import drop_unused
 from usdslf.usd.change_writer import MODES, ChangeWriter

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, Vt
 
-from usdslf.edits import InputEdit, MaterialChange, Reflectance, inferred
+from usdslf.edits.edits import InputEdit, MaterialChange, Reflectance, inferred
 from usdslf.errors import AuthorError
 from usdslf.scene.records import Texture
 from usdslf.textures.images import files_of, why_unreadable
@@ -43,8 +43,8 @@ from usdslf.usd.network import (
 from usdslf.usd.wins import AuthoredEdit
 
 if TYPE_CHECKING:
-    from usdslf.bake import Baked
     from usdslf.color import Color
+    from usdslf.edits.baked_texture import Baked
 
 SCOPE = "SlfMaterials"
 MODES = ("override", "new", "class")

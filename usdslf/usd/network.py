@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from pxr import Gf, Sdf, Usd, UsdShade
 
-from usdslf.edits import InputEdit
+from usdslf.edits.edits import InputEdit
 from usdslf.errors import AuthorError
 
 if TYPE_CHECKING:

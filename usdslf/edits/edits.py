@@ -27,7 +27,7 @@ from usdslf.surfaces.preview_surface import SurfaceInputs, error_of, inputs_for,
 from usdslf.surfaces.surface_points import MIN_ROUGHNESS
 
 if TYPE_CHECKING:
-    from usdslf.bake import Baked
+    from usdslf.edits.baked_texture import Baked
 
 FREED = ("diffuse", "specular", "glossiness")
 # Of the reflectance: constants are met exactly or not at all; through a textured metallic only means are.

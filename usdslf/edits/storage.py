@@ -19,9 +19,9 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from usdslf.bake import Baked, bake_texture, plain_texture
 from usdslf.color import Color
-from usdslf.edits import ByVertex
+from usdslf.edits.baked_texture import Baked, bake_texture, plain_texture
+from usdslf.edits.edits import ByVertex
 from usdslf.geometry.closest_point import nearest_on_triangles
 from usdslf.geometry.uv_layout import common_sets, lies_flat
 from usdslf.scene.records import F64, Material, Scene, Texture

@@ -1,0 +1,1 @@
+"""A change in the inputs of a material, without USD."""
