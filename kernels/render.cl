@@ -125,7 +125,7 @@ inline float lobe_weights(float4 lobes, float2 coat, float3 e, float3 l, float3 
     return pdf;
 }
 
-/* ── guided directions: see usdslf/light_guide.py.  A guide's row holds cumulative chances of its blocks ── */
+/* ── guided directions: see usdslf/render/guide.py.  A guide's row holds cumulative chances of its blocks ── */
 
 inline float guide_density(__global const float *row, __global const float *frames, int element, float3 d)
 {
@@ -293,7 +293,7 @@ __kernel void evaluate_lobes(
     for (int c = 0; c < WEIGHTS; c++) weight[i * WEIGHTS + c] = w[c];
 }
 
-/* ── the light field for wide rays: see usdslf/wide_field.py ── */
+/* ── the light field for wide rays: see usdslf/render/wide_field.py ── */
 __kernel void average_bins(
     const uint count,                 /* N * blocks */
     __global const float *outgoing,   /* (N, D, 3) */

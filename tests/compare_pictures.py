@@ -54,7 +54,7 @@ def difference_picture(picture: NDArray, truth: NDArray) -> NDArray:
 def our_picture(stage: Path, camera: str, size: tuple[int, int], samples: int, elements: int, paths: bool) -> NDArray:
     """Renders with usdslf; `paths` follows every path instead of asking the light field."""
     import usdslf
-    from usdslf.render import render
+    from usdslf.render.picture import render
 
     begun = time.perf_counter()
     session = usdslf.open(str(stage), elements=elements)

@@ -11,11 +11,11 @@ from reference.reflectance import ggx, microfacets
 from reference.shapes import make_scene, sphere
 from test_render import camera_at, ground, matte, picture
 
-from usdslf.final_gather import Gatherer
 from usdslf.gpu.device import Device
-from usdslf.light_filter import TILE, LightFilter, tiles_within, worst_tiles
+from usdslf.render.filter import TILE, LightFilter, tiles_within, worst_tiles
+from usdslf.render.gather import Gatherer
+from usdslf.render.lobes import ShadingPoints
 from usdslf.scene.records import Material, constant
-from usdslf.shading import ShadingPoints
 
 SIZE = (128, 96)
 SLOPE = np.array([0.5, 0.3, -0.4])

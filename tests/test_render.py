@@ -16,17 +16,17 @@ from reference import lights as closed
 from reference.reflectance import albedo, integrate_columns, preview_surface
 from reference.shapes import band, make_scene, quad, sphere
 
-import usdslf.render as render_module
+import usdslf.render.picture as render_module
 from usdslf.elements.elements import sample_elements
 from usdslf.errors import InputError
 from usdslf.gpu.device import Device
 from usdslf.light_field.visibility import RayTracer
-from usdslf.light_guide import LightGuide
 from usdslf.lights.sources import LightSet
-from usdslf.render import AOVS, render
+from usdslf.render.guide import LightGuide
+from usdslf.render.lobes import Lobes, shading_points
+from usdslf.render.picture import AOVS, render
 from usdslf.scene.cameras import camera_rays, project_points
 from usdslf.scene.records import Camera, Light, Material, Scene, Texture, constant
-from usdslf.shading import Lobes, shading_points
 from usdslf.surfaces.reflectance import directional_albedo, lobe_parameter
 from usdslf.surfaces.surface_points import evaluate_surface
 
@@ -445,7 +445,7 @@ def test_flat_surfaces_come_out_free_of_noise_and_edges_sharp(device: Device) ->
 
 
 def test_bands_do_not_show(device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("usdslf.light_filter.NOISE", 1e9)  # what gets more samples may depend on the band
+    monkeypatch.setattr("usdslf.render.filter.NOISE", 1e9)  # what gets more samples may depend on the band
     light = Light("/l", "disk", (1.0,) * 3, looking_down((0, 3, 0)), radius=0.5)
     scene = make_scene(ground(3.0), sphere(0.5, (0, 0.5, 0)), materials=[matte()], lights=[light])
     camera = camera_at((0, 2, 4))

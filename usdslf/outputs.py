@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from usdslf.color import color_of
 from usdslf.errors import InputError, UsdslfError
-from usdslf.render import AOVS
+from usdslf.render.picture import AOVS
 from usdslf.scene.records import Scene
 from usdslf.textures.images import write_image
 

@@ -33,8 +33,8 @@ from usdslf.light_field.light_field import LightField, Surface, require_memory
 from usdslf.light_field.static_light import static_light
 from usdslf.light_field.visibility import RayTracer, Visibility, trace_visibility
 from usdslf.lights.sources import LightSet, lights_or_default
-from usdslf.overview import overview_camera
-from usdslf.render import render
+from usdslf.render.overview_camera import overview_camera
+from usdslf.render.picture import render
 from usdslf.residuals import residual_as_preview, residual_as_written
 from usdslf.scene.difference import why_not_comparable
 from usdslf.scene.records import Camera, Light, Scene

@@ -20,12 +20,12 @@ from numpy.typing import NDArray
 
 from usdslf.gpu.device import Device
 from usdslf.light_field.visibility import Hits, RayTracer
-from usdslf.light_guide import GuidingField, LightGuide
 from usdslf.lights.sources import Arrival, LightSet, Source, brightest, dot, luminance
+from usdslf.render.guide import GuidingField, LightGuide
+from usdslf.render.lobes import COLUMNS, Lobes, ShadingPoints, reflect, shading_points
+from usdslf.render.wide_field import NearField, WideField
 from usdslf.scene.records import F32, I32, Scene
-from usdslf.shading import COLUMNS, Lobes, ShadingPoints, reflect, shading_points
 from usdslf.surfaces.surface_points import evaluate_surface
-from usdslf.wide_field import NearField, WideField
 
 CHUNK = 1 << 14  # points that one thread works on: their rays stay in the caches
 FOOTPRINT = 12.0  # element areas that a ray's footprint must cover for the light field to be good enough

@@ -19,14 +19,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdslf.errors import InputError
-from usdslf.final_gather import FOOTPRINT, MAX_DEPTH, Gatherer, RadianceOfHits
 from usdslf.gpu.device import Device
 from usdslf.light_field.visibility import RayTracer
-from usdslf.light_filter import NEAR_TILE, TILE, LightFilter
 from usdslf.lights.sources import LightSet, brightest
+from usdslf.render.filter import NEAR_TILE, TILE, LightFilter
+from usdslf.render.gather import FOOTPRINT, MAX_DEPTH, Gatherer, RadianceOfHits
+from usdslf.render.lobes import ShadingPoints, reflect, shading_points
 from usdslf.scene.cameras import camera_rays, pixel_size
 from usdslf.scene.records import F32, Camera, Light, Scene
-from usdslf.shading import ShadingPoints, reflect, shading_points
 from usdslf.surfaces.surface_points import SurfacePoints, evaluate_surface
 
 BAND = 300_000  # samples in a band

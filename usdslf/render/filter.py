@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 
 from usdslf.gpu.device import Device
 from usdslf.lights.sources import dot, luminance
+from usdslf.render.lobes import ShadingPoints, reflect
 from usdslf.scene.records import F32
-from usdslf.shading import ShadingPoints, reflect
 
 TILE = 8  # samples on a side that share one low-discrepancy set
 NEAR_TILE = 4  # the same for lights that have a place: their shadows are blurred by no more

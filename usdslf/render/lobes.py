@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 
 from usdslf.gpu.device import Device
 from usdslf.light_field.visibility import RayTracer
-from usdslf.light_guide import SHARE, LightGuide
 from usdslf.lights.sources import dot, luminance
+from usdslf.render.guide import SHARE, LightGuide
 from usdslf.scene.records import F32, I32
 from usdslf.surfaces.surface_points import SurfacePoints
 
