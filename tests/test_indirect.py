@@ -14,8 +14,8 @@ from recovery.stages import CAMERA, SIZE, build_stage
 
 import usdslf
 from usdslf.errors import SolveError
-from usdslf.indirect import make_receiver, present_radiance, receiver_tables
-from usdslf.infer import gather_strokes
+from usdslf.inference.direct import gather_strokes
+from usdslf.inference.receivers import make_receiver, present_radiance, receiver_tables
 
 TRUTH = json.loads((Path(__file__).parent / "recovery/indirect_truth.json").read_text())
 

@@ -16,8 +16,8 @@ import pytest
 from recovery.indirect_stages import DULL, GOLDEN, RING, SILVER, build_caustic
 
 import usdslf
-from usdslf.indirect import present_radiance
-from usdslf.infer import gather_strokes
+from usdslf.inference.direct import gather_strokes
+from usdslf.inference.receivers import present_radiance
 from usdslf.strokes.stroke import Stroke
 
 TRUTH = json.loads((Path(__file__).parent / "recovery/caustic_truth.json").read_text())

@@ -17,9 +17,9 @@ from reference.indirect import panel_columns
 from stage_parts import StageBuilder, box, rectangle
 
 import usdslf
-from usdslf.indirect import Receiver, carried, make_receiver, receiver_tables, rows_in_sight
-from usdslf.indirect_fit import radiance_of
-from usdslf.infer import gather_strokes
+from usdslf.inference.direct import gather_strokes
+from usdslf.inference.joint_fit import radiance_of
+from usdslf.inference.receivers import Receiver, carried, make_receiver, receiver_tables, rows_in_sight
 
 FLOORS = {
     "mirror": {"diffuseColor": (0.9, 0.9, 0.9), "metallic": 1.0, "roughness": 0.0},

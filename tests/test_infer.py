@@ -12,7 +12,7 @@ from reference.solve import radiance
 from stage_parts import StageBuilder
 
 import usdslf
-from usdslf.infer import gather_strokes, infer_changes
+from usdslf.inference.direct import gather_strokes, infer_changes
 from usdslf.session import Session
 from usdslf.strokes.stroke import Stroke
 

@@ -8,7 +8,7 @@ import numpy as np
 from pxr import Gf, Usd, UsdGeom, UsdLux
 
 import usdslf
-from usdslf.infer import gather_strokes
+from usdslf.inference.direct import gather_strokes
 
 
 def _columns(folder: Path, diffuse: float, specular: float) -> np.ndarray:

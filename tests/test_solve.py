@@ -9,8 +9,9 @@ import pytest
 from reference import solve as ref
 from reference.reflectance import frame_about
 
-from usdslf.evidence import Evidence
-from usdslf.solve import (
+from usdslf.inference.bilinear import Tables, pool_tables
+from usdslf.inference.evidence import Evidence
+from usdslf.inference.solve import (
     Candidate,
     Options,
     enumerate_candidates,
@@ -22,7 +23,6 @@ from usdslf.solve import (
 from usdslf.strokes.stroke import Stroke
 from usdslf.surfaces.reflectance import roughness_levels
 from usdslf.surfaces.surface_points import SurfacePoints
-from usdslf.tables import Tables, pool_tables
 
 DABS, ELSEWHERE, DIRECTIONS = 20, 12, 4
 LEVELS = roughness_levels()

@@ -12,13 +12,13 @@ from pxr import Usd, UsdGeom
 from stage_parts import StageBuilder, ball, rectangle
 
 import usdslf
-from usdslf.answers import Answer
 from usdslf.errors import StrokeError
 from usdslf.gpu.device import Device
-from usdslf.infer import gather_strokes
+from usdslf.inference.answers import Answer
+from usdslf.inference.direct import gather_strokes
+from usdslf.inference.tools import OPERATORS, Seen, apply_tool, offset_on_picture
 from usdslf.session import Session
 from usdslf.strokes.stroke import TOOLS, Stroke, paint_stroke
-from usdslf.tools import OPERATORS, Seen, apply_tool, offset_on_picture
 
 Made = Callable[..., Session]
 RED, BLUE = (0.6, 0.12, 0.06), (0.08, 0.12, 0.5)

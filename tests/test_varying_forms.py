@@ -27,8 +27,8 @@ from varying_floor import (
 
 import usdslf
 from usdslf.errors import StrokeError
+from usdslf.inference.solve import Options
 from usdslf.session import Session
-from usdslf.solve import Options
 from usdslf.strokes.stroke import Stroke
 from usdslf.usd.baked_files import textures_folder
 

@@ -25,13 +25,13 @@ from varying_floor import (
 )
 
 import usdslf
-from usdslf import infer
-from usdslf.answers import changed_surface
-from usdslf.changes import with_varying
 from usdslf.color import color_of
 from usdslf.edits.edits import baked_texture as bake
 from usdslf.edits.storage import Carrier
 from usdslf.errors import AuthorError
+from usdslf.inference import direct as infer
+from usdslf.inference.answers import changed_surface
+from usdslf.inference.changes import with_varying
 from usdslf.session import Session
 from usdslf.strokes.stroke import Stroke
 from usdslf.usd.baked_files import textures_folder

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from usdslf.answers import Answer, alike_means, means_of
-from usdslf.changes import shown_on
 from usdslf.edits.edits import inferred
+from usdslf.inference.answers import Answer, alike_means, means_of
+from usdslf.inference.changes import shown_on
 from usdslf.scene.records import Scene
 from usdslf.strokes.stroke import Stroke
 from usdslf.stylize import Stylized

@@ -285,7 +285,7 @@ def stroke(
     numbers = [int(s.name[7:]) for s in earlier if s.name.startswith("stroke_") and s.name[7:].isdigit()]
     seen_by, aspect = session.camera(camera), size[0] / size[1] if size else None
     if clone_offset is not None:
-        from usdslf.tools import offset_on_picture
+        from usdslf.inference.tools import offset_on_picture
 
         if len(clone_offset) == 2:
             if aspect is None and many is not None:
@@ -330,10 +330,10 @@ def solve(
     mode: str | None, make_preview: bool, model: str, frame: float | None, refine: int,
 ) -> None:  # fmt: skip
     """Find the smallest material change that explains the strokes, and write it as a look layer."""
+    from usdslf.inference.solve import Options
     from usdslf.outputs import check_place, write_json
     from usdslf.report import lines_of_report
     from usdslf.similarity import similarity as propagate
-    from usdslf.solve import Options
     from usdslf.usd.stroke_layer import read_strokes
 
     if directions != 1024:

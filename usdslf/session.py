@@ -20,27 +20,27 @@ import usdslf
 from usdslf.animation.frames import Placed, carry
 from usdslf.animation.revealed import DarkProbes, probe_dark
 from usdslf.answer_report import report_of
-from usdslf.answers import Answer, Painted, Pool
-from usdslf.changes import changes_of, restyled, with_varying
 from usdslf.color import Color, color_of
 from usdslf.edits.edits import MaterialChange
 from usdslf.elements.elements import ElementLookup, Elements, refresh_reflectance, sample_elements
 from usdslf.errors import InputError, SolveError, StageError, StrokeError
 from usdslf.gpu.device import Device, open_device
-from usdslf.infer import gather_strokes, infer_changes
-from usdslf.infer_indirect import infer_indirect
+from usdslf.inference.answers import Answer, Painted, Pool
+from usdslf.inference.changes import changes_of, restyled, with_varying
+from usdslf.inference.direct import gather_strokes, infer_changes
+from usdslf.inference.indirect import infer_indirect
+from usdslf.inference.residuals import residual_as_preview, residual_as_written
+from usdslf.inference.solve import Options
 from usdslf.light_field.light_field import LightField, Surface, require_memory
 from usdslf.light_field.static_light import static_light
 from usdslf.light_field.visibility import RayTracer, Visibility, trace_visibility
 from usdslf.lights.sources import LightSet, lights_or_default
 from usdslf.render.overview_camera import overview_camera
 from usdslf.render.picture import render
-from usdslf.residuals import residual_as_preview, residual_as_written
 from usdslf.scene.difference import why_not_comparable
 from usdslf.scene.records import Camera, Light, Scene
 from usdslf.similarity.materials import painted_places, similarity_picture
 from usdslf.similarity.similarity import Weights
-from usdslf.solve import Options
 from usdslf.strokes.stroke import Stroke
 from usdslf.style_changes import with_styles
 from usdslf.stylize import (

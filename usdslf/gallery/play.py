@@ -29,9 +29,9 @@ from usdslf.usd.build_stage import write_stage
 from usdslf.usd.stroke_layer import write_strokes
 
 if TYPE_CHECKING:
-    from usdslf.answers import Answer
+    from usdslf.inference.answers import Answer
+    from usdslf.inference.solve import Options
     from usdslf.session import Say
-    from usdslf.solve import Options
 
 SIZE = (448, 252)
 SAMPLES = 16

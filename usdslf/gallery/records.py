@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 from usdslf.procedural.shot import Shot
 
 if TYPE_CHECKING:
-    from usdslf.answers import Answer
     from usdslf.gallery.play import Play
+    from usdslf.inference.answers import Answer
     from usdslf.session import Session
     from usdslf.strokes.stroke import Stroke
 

@@ -12,15 +12,15 @@ from pathlib import Path
 
 import numpy as np
 
-from usdslf.answers import Answer
 from usdslf.gallery.play import Play
 from usdslf.gallery.plots import Axis, lines
 from usdslf.gallery.records import Dabs, Entry, Step, on_picture
-from usdslf.infer import gather_strokes, infer_changes
+from usdslf.inference.answers import Answer
+from usdslf.inference.bilinear import pool_tables
+from usdslf.inference.direct import gather_strokes, infer_changes
+from usdslf.inference.solve import predicted
 from usdslf.procedural.shapes import ball, panel, rounded_box
 from usdslf.procedural.shot import Inputs, Lamp, Part, Shot, View
-from usdslf.solve import predicted
-from usdslf.tables import pool_tables
 
 RADIUS = 0.02
 MATERIALS: dict[str, Inputs] = {

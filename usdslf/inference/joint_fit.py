@@ -17,11 +17,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from usdslf.indirect import F64, Receiver, carried, present_radiance, rows_in_sight
+from usdslf.inference.bilinear import Tables
+from usdslf.inference.receivers import F64, Receiver, carried, present_radiance, rows_in_sight
+from usdslf.inference.solve import Candidate, Options, bounded_least_squares, is_grey, whiten
 from usdslf.light_field.light_field import LightField, Surface
-from usdslf.solve import Candidate, Options, bounded_least_squares, is_grey, whiten
 from usdslf.surfaces.reflectance import column_weights
-from usdslf.tables import Tables
 
 ROUNDS = 8
 DONE = 0.02  # relative error of the strokes' means at which nothing is left to do

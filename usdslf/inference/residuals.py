@@ -10,14 +10,14 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from usdslf.answers import Answer, Painted
-from usdslf.evidence import evaluate_columns, mean_by, unchanging_radiance
+from usdslf.inference.answers import Answer, Painted
+from usdslf.inference.bilinear import bilinear
+from usdslf.inference.evidence import evaluate_columns, mean_by, unchanging_radiance
+from usdslf.inference.varying import Varying
 from usdslf.light_field.light_field import LightField
 from usdslf.scene.records import Scene
 from usdslf.similarity.similarity import places_of
 from usdslf.surfaces.surface_points import evaluate_surface
-from usdslf.tables import bilinear
-from usdslf.varying import Varying
 
 
 def varying_residual(

@@ -13,14 +13,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from usdslf.answers import Alternative, Answer, Painted, Pool, means_of
 from usdslf.errors import SolveError, StrokeError
-from usdslf.indirect import F64, Receiver, make_receiver, materials_in_sight, receiver_tables
-from usdslf.indirect_fit import Change, Fitted, fit_changes, mean_error, radiance_of
-from usdslf.infer import fixed_materials
-from usdslf.light_field.light_field import LightField, Surface
-from usdslf.scene.records import Scene
-from usdslf.solve import (
+from usdslf.inference.answers import Alternative, Answer, Painted, Pool, means_of
+from usdslf.inference.bilinear import Tables, pool_tables
+from usdslf.inference.direct import fixed_materials
+from usdslf.inference.joint_fit import Change, Fitted, fit_changes, mean_error, radiance_of
+from usdslf.inference.receivers import F64, Receiver, make_receiver, materials_in_sight, receiver_tables
+from usdslf.inference.solve import (
     Candidate,
     Options,
     bounded_least_squares,
@@ -28,8 +27,9 @@ from usdslf.solve import (
     relative_error,
     whiten,
 )
-from usdslf.tables import Tables, pool_tables
-from usdslf.tools import asks_for_nothing, expected_error
+from usdslf.inference.tools import asks_for_nothing, expected_error
+from usdslf.light_field.light_field import LightField, Surface
+from usdslf.scene.records import Scene
 
 # Light that went through the bins of two surfaces is foreseen worse, dab by dab, than what arrives directly; what is
 # asked for is far from what is there, so that errors count by their squares for longer.

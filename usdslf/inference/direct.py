@@ -16,18 +16,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from usdslf.answers import Answer, Painted, Pool, changed_surface, means_of, scope_rows
 from usdslf.edits.storage import carrier_of
 from usdslf.errors import SolveError, StrokeError
-from usdslf.evidence import Evidence, Samples, evaluate_columns, gather_samples
-from usdslf.light_field.light_field import LightField
-from usdslf.lights.sources import LightSet
-from usdslf.reach import dimming, error_of, explains_nothing, seems_too_bright
-from usdslf.residuals import varying_residual
-from usdslf.scene.records import Scene
-from usdslf.similarity.materials import ALL, MOST, OF_MATERIALS, alike_materials
-from usdslf.similarity.similarity import Weights, reach_of
-from usdslf.solve import (
+from usdslf.inference.answers import Answer, Painted, Pool, changed_surface, means_of, scope_rows
+from usdslf.inference.attainable import dimming, error_of, explains_nothing, seems_too_bright
+from usdslf.inference.bilinear import Tables, pool_tables
+from usdslf.inference.evidence import Evidence, Samples, evaluate_columns, gather_samples
+from usdslf.inference.residuals import varying_residual
+from usdslf.inference.solve import (
     Candidate,
     Options,
     bounds_of,
@@ -38,11 +34,8 @@ from usdslf.solve import (
     ways_of,
     whiten,
 )
-from usdslf.strokes.stroke import Stroke
-from usdslf.surfaces.reflectance import gloss_levels
-from usdslf.tables import Tables, pool_tables
-from usdslf.tools import asks_for_nothing, expected_error, wanted_radiance
-from usdslf.varying import (
+from usdslf.inference.tools import asks_for_nothing, expected_error, wanted_radiance
+from usdslf.inference.varying import (
     VaryingAnswer,
     as_candidate,
     as_spread,
@@ -51,6 +44,13 @@ from usdslf.varying import (
     refit_varying,
     varying_answers,
 )
+from usdslf.light_field.light_field import LightField
+from usdslf.lights.sources import LightSet
+from usdslf.scene.records import Scene
+from usdslf.similarity.materials import ALL, MOST, OF_MATERIALS, alike_materials
+from usdslf.similarity.similarity import Weights, reach_of
+from usdslf.strokes.stroke import Stroke
+from usdslf.surfaces.reflectance import gloss_levels
 
 if TYPE_CHECKING:
     from usdslf.light_field.visibility import RayTracer

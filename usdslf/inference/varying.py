@@ -23,11 +23,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from usdslf.evidence import Evidence, mean_by
+from usdslf.inference.bilinear import Tables
+from usdslf.inference.evidence import Evidence, mean_by
+from usdslf.inference.solve import Candidate, Options, refit, relative_error, score
 from usdslf.scene.records import F64
 from usdslf.similarity.similarity import Places, Weights, blocks, reach_of, shares
-from usdslf.solve import Candidate, Options, refit, relative_error, score
-from usdslf.tables import Tables
 
 LENGTHS = (0.5, 0.25, 0.12, 0.06, 0.03)  # of smoothing, in the stroke's extent
 TILT = 1e-4  # that planes are held against across what was painted, where no dab says how they lie

@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from usdslf.evidence import Evidence, Samples, build_evidence
+from usdslf.inference.bilinear import Tables
+from usdslf.inference.evidence import Evidence, Samples, build_evidence
+from usdslf.inference.solve import Candidate
+from usdslf.inference.varying import Varying, VaryingAnswer
 from usdslf.scene.records import Scene
 from usdslf.similarity.similarity import Places
-from usdslf.solve import Candidate
 from usdslf.strokes.stroke import Stroke
-from usdslf.tables import Tables
-from usdslf.varying import Varying, VaryingAnswer
 
 if TYPE_CHECKING:
     from usdslf.light_field.light_field import LightField, Surface

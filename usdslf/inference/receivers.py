@@ -18,14 +18,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from usdslf.evidence import SHARPEST, Evidence, evaluate_columns, mean_by, unchanging_radiance
+from usdslf.inference.bilinear import Tables
+from usdslf.inference.evidence import SHARPEST, Evidence, evaluate_columns, mean_by, unchanging_radiance
 from usdslf.light_field.light_field import LightField, Surface
 from usdslf.scene.records import Scene
 from usdslf.surfaces.reflectance import column_weights, columns, lobe_parameter
-from usdslf.tables import Tables
 
 if TYPE_CHECKING:
-    from usdslf.answers import Painted
+    from usdslf.inference.answers import Painted
 
 F64 = NDArray[np.float64]
 Seen = Callable[[NDArray, NDArray], F64]  # weights (r, 4, 3) and roughness (r,) -> what the dabs see of it (n, 3)

@@ -14,19 +14,19 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from usdslf.answers import Answer, alike_means
 from usdslf.color import Color
 from usdslf.edits.baked_texture import Baked
 from usdslf.edits.edits import InputEdit, MaterialChange, Reflectance, material_change_to_input_edits
 from usdslf.edits.storage import carrier_of, carry, input_values
+from usdslf.inference.answers import Answer, alike_means
+from usdslf.inference.solve import Candidate
+from usdslf.inference.varying import Varying, as_even
 from usdslf.light_field.light_field import LightField
 from usdslf.scene.records import Scene
 from usdslf.similarity.similarity import Places, places_at
-from usdslf.solve import Candidate
 from usdslf.strokes.anchors import locate_stroke, painted_faces
 from usdslf.strokes.stroke import Stroke
 from usdslf.stylize import MaterialStyle
-from usdslf.varying import Varying, as_even
 
 SCALED_WELL = 0.02  # of a reflectance, root mean square, that scale and bias of a texture may be off
 PLACES = 2000  # that are looked at for it

@@ -33,7 +33,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from usdslf.errors import StrokeError
-from usdslf.evidence import (
+from usdslf.geometry.closest_point import nearest_on_triangles
+from usdslf.inference.bilinear import bilinear
+from usdslf.inference.evidence import (
     Samples,
     evaluate_columns,
     footprint,
@@ -42,7 +44,6 @@ from usdslf.evidence import (
     trace_samples,
     unchanging_radiance,
 )
-from usdslf.geometry.closest_point import nearest_on_triangles
 from usdslf.light_field.light_field import LightField
 from usdslf.lights.sources import LightSet
 from usdslf.sampling.low_discrepancy import random_shifts, sobol_points
@@ -51,7 +52,6 @@ from usdslf.scene.records import F64, Camera, Scene
 from usdslf.strokes.anchors import Located, locate_stroke, points_on_triangles
 from usdslf.strokes.stroke import Stroke
 from usdslf.surfaces.surface_points import evaluate_surface
-from usdslf.tables import bilinear
 
 if TYPE_CHECKING:
     from usdslf.light_field.visibility import RayTracer

@@ -22,8 +22,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdslf.errors import InputError
+from usdslf.inference.bilinear import Tables
 from usdslf.scene.records import F64
-from usdslf.tables import Tables
 
 GROUPS = ("diffuse", "specular", "glossiness")
 TRUST = (0.5, 0.25, 0.15, 0.1, 0.07, 0.05)  # relative error of a dab at which it has half its weight, round by round

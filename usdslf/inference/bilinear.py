@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from usdslf.evidence import Evidence, mean_by
+from usdslf.inference.evidence import Evidence, mean_by
 from usdslf.scene.records import F64
 
 

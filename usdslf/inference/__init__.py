@@ -1,0 +1,1 @@
+"""From strokes to the change that explains them."""
