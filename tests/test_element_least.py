@@ -11,12 +11,12 @@ import pytest
 from light_field_scenes import lone_elements
 from reference.element_least import fit_freely, model
 
-from usdslf.element_solve import FITTED, OWN, enumerate_elements, follows_f0
 from usdslf.gpu.device import Device
 from usdslf.light_field.light_field import LightField
 from usdslf.light_field.visibility import ESCAPES
 from usdslf.sampling.hemisphere import D, bin_directions
-from usdslf.stylize import ask_elements, choose_surface
+from usdslf.stylize.element_solve import FITTED, OWN, enumerate_elements, follows_f0
+from usdslf.stylize.unsharp_mask import ask_elements, choose_surface
 
 N = 37  # no multiple of a block
 Fit = namedtuple("Fit", "diffuse f0 roughness changed")

@@ -11,7 +11,12 @@ from light_field_scenes import lone_elements
 from reference import phong_solver as ref
 from reference.preconvolution import exact_row
 
-from usdslf.element_solve import (
+from usdslf.gpu.device import Device
+from usdslf.light_field.light_field import LightField, levels_of
+from usdslf.light_field.preconvolution import build_level
+from usdslf.light_field.visibility import ESCAPES
+from usdslf.sampling.hemisphere import D, bin_directions
+from usdslf.stylize.element_solve import (
     FACTORS,
     OWN,
     ElementCandidates,
@@ -20,11 +25,6 @@ from usdslf.element_solve import (
     freed_of_candidates,
     solve_elements,
 )
-from usdslf.gpu.device import Device
-from usdslf.light_field.light_field import LightField, levels_of
-from usdslf.light_field.preconvolution import build_level
-from usdslf.light_field.visibility import ESCAPES
-from usdslf.sampling.hemisphere import D, bin_directions
 from usdslf.surfaces.reflectance import LEVEL_COUNT, gloss_levels, roughness_levels
 
 N = 37  # no multiple of a block

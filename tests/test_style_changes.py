@@ -10,11 +10,11 @@ import pytest
 from pxr import Usd, UsdGeom
 from stage_parts import StageBuilder, ball, rectangle
 
-from usdslf.element_solve import follows_f0
 from usdslf.elements.elements import refresh_reflectance
 from usdslf.light_field.light_field import Surface
 from usdslf.session import Session
-from usdslf.stylize import take_misfit
+from usdslf.stylize.element_solve import follows_f0
+from usdslf.stylize.unsharp_mask import take_misfit
 from usdslf.surfaces.surface_points import evaluate_surface
 
 

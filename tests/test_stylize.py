@@ -18,7 +18,8 @@ from usdslf.light_field.light_field import Surface
 from usdslf.light_field.visibility import ESCAPES
 from usdslf.sampling.hemisphere import D
 from usdslf.scene.records import Light
-from usdslf.stylize import (
+from usdslf.stylize.surroundings import Surroundings, find_surroundings
+from usdslf.stylize.unsharp_mask import (
     Stylized,
     check_numbers,
     check_surroundings,
@@ -26,7 +27,6 @@ from usdslf.stylize import (
     mask_light,
     stylize_light,
 )
-from usdslf.surroundings import Surroundings, find_surroundings
 
 N = 45
 

@@ -13,7 +13,7 @@ from usdslf.inference.answers import Answer, alike_means, means_of
 from usdslf.inference.changes import shown_on
 from usdslf.scene.records import Scene
 from usdslf.strokes.stroke import Stroke
-from usdslf.stylize import Stylized
+from usdslf.stylize.unsharp_mask import Stylized
 from usdslf.usd.wins import AuthoredEdit
 
 if TYPE_CHECKING:

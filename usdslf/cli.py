@@ -385,7 +385,7 @@ def stylize(
     """Sharpen the look of the whole shot: unsharp masking of its light, as valid materials."""
     from usdslf.outputs import check_place, write_json
     from usdslf.report import lines_of_report
-    from usdslf.stylize import check_numbers
+    from usdslf.stylize.unsharp_mask import check_numbers
 
     check_numbers(amount, radius)
     for place in filter(None, (output, review_root)):

@@ -42,8 +42,9 @@ from usdslf.scene.records import Camera, Light, Scene
 from usdslf.similarity.materials import painted_places, similarity_picture
 from usdslf.similarity.similarity import Weights
 from usdslf.strokes.stroke import Stroke
-from usdslf.style_changes import with_styles
-from usdslf.stylize import (
+from usdslf.stylize.changes import with_styles
+from usdslf.stylize.surroundings import find_surroundings
+from usdslf.stylize.unsharp_mask import (
     AMOUNT,
     RADIUS,
     Stylized,
@@ -53,7 +54,6 @@ from usdslf.stylize import (
     stylize_light,
 )
 from usdslf.surfaces.reflectance import MODELS
-from usdslf.surroundings import find_surroundings
 from usdslf.usd.author import author_look, author_review_root, check_look_place
 from usdslf.usd.baked_files import textures_folder
 from usdslf.usd.edited import open_edited

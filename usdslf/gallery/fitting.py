@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from usdslf.element_solve import FITTED, enumerate_elements
 from usdslf.gallery import sketch_specular
 from usdslf.gallery.play import Play
 from usdslf.gallery.plots import Axis, bars, lines
@@ -22,6 +21,7 @@ from usdslf.procedural.shot import Inputs
 from usdslf.sampling.hemisphere import bin_of
 from usdslf.scene.records import F64
 from usdslf.session import Session
+from usdslf.stylize.element_solve import FITTED, enumerate_elements
 from usdslf.surfaces.reflectance import column_weights, distinctness_of_gloss, gloss_levels
 
 WANTED: Inputs = {"diffuse": (0.30, 0.06, 0.10), "specular": (0.30, 0.26, 0.20), "roughness": 0.42}

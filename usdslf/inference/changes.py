@@ -26,7 +26,7 @@ from usdslf.scene.records import Scene
 from usdslf.similarity.similarity import Places, places_at
 from usdslf.strokes.anchors import locate_stroke, painted_faces
 from usdslf.strokes.stroke import Stroke
-from usdslf.stylize import MaterialStyle
+from usdslf.stylize.unsharp_mask import MaterialStyle
 
 SCALED_WELL = 0.02  # of a reflectance, root mean square, that scale and bias of a texture may be off
 PLACES = 2000  # that are looked at for it

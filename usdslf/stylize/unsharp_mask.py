@@ -23,14 +23,21 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from usdslf.edits.edits import FREED
-from usdslf.element_solve import OWN, ElementCandidates, choose_candidates, enumerate_elements, follows_f0, joined
 from usdslf.elements.elements import Elements
 from usdslf.errors import AuthorError, InputError
 from usdslf.light_field.light_field import LightField, Surface
 from usdslf.sampling.blue_noise import surface_coordinates
 from usdslf.sampling.hemisphere import D, bin_directions
 from usdslf.scene.records import F64, Scene
-from usdslf.surroundings import Surroundings
+from usdslf.stylize.element_solve import (
+    OWN,
+    ElementCandidates,
+    choose_candidates,
+    enumerate_elements,
+    follows_f0,
+    joined,
+)
+from usdslf.stylize.surroundings import Surroundings
 
 AMOUNT, MOST_AMOUNT = 1.0, 10.0
 RADIUS = 0.1  # of the scene's diagonal

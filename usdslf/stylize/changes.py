@@ -20,7 +20,7 @@ from usdslf.elements.elements import Elements
 from usdslf.scene.records import F64, Scene
 from usdslf.similarity.similarity import Places
 from usdslf.similarity.upsample import upsampling_weights
-from usdslf.stylize import MaterialStyle, Stylized
+from usdslf.stylize.unsharp_mask import MaterialStyle, Stylized
 
 FINER = 3  # texels between elements
 SMALLEST, LARGEST = 64, 512  # texels on a side of a texture for an input that had none

@@ -1,0 +1,1 @@
+"""Unsharp masking of the light field (figure 22), and the paper's Listing 1."""
