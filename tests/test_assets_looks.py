@@ -28,7 +28,7 @@ from usdslf.surfaces.surface_points import SurfacePoints, evaluate_surface
 from usdslf.usd.author import author_look
 from usdslf.usd.look_layer import bound_relationship
 from usdslf.usd.network import same_value
-from usdslf.usd.read import open_stage, read_scene
+from usdslf.usd.read.read import open_stage, read_scene
 from usdslf.usd.validate import validate as find_wrong
 from usdslf.usd.wins import AuthoredEdit, compose_over
 

@@ -18,7 +18,7 @@ from usdslf.scene.records import Scene, Texture
 from usdslf.surfaces.surface_points import evaluate_surface
 from usdslf.textures.images import write_image
 from usdslf.usd.baked_files import textures_folder
-from usdslf.usd.read import read_scene
+from usdslf.usd.read.read import read_scene
 from usdslf.usd.validate import validate
 
 FIELDS = {"diffuseColor": "diffuse_color", "roughness": "roughness", "metallic": "metallic"}

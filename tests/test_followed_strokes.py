@@ -23,7 +23,7 @@ from usdslf.scene.records import Scene
 from usdslf.session import Session
 from usdslf.strokes.anchors import locate_stroke
 from usdslf.strokes.stroke import Stroke
-from usdslf.usd.read import read_scene
+from usdslf.usd.read.read import read_scene
 
 FIRST, LAST = 1.0, 10.0
 Points = Callable[[NDArray], NDArray]

@@ -12,9 +12,9 @@ from pxr import Usd
 from usdslf.color import color_of
 from usdslf.scene.records import Camera, Light
 from usdslf.textures.images import write_image
-from usdslf.usd.cameras import read_cameras
-from usdslf.usd.lights import read_lights, size_factor
 from usdslf.usd.notes import Notes
+from usdslf.usd.read.cameras import read_cameras
+from usdslf.usd.read.lights import read_lights, size_factor
 
 
 def stage_of(text: str, up: str = "Y") -> Usd.Stage:

@@ -36,7 +36,7 @@ from usdslf.edits.edits import MaterialChange
 from usdslf.errors import AuthorError
 from usdslf.surfaces.surface_points import evaluate_surface
 from usdslf.usd.look_layer import gprims_of, parts_of
-from usdslf.usd.read import read_scene
+from usdslf.usd.read.read import read_scene
 from usdslf.usd.validate import validate as find_wrong
 from usdslf.usd.wins import why_hidden
 

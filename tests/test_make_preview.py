@@ -25,7 +25,7 @@ from usdslf.scene.records import Texture
 from usdslf.strokes.stroke import Stroke
 from usdslf.textures.images import write_image
 from usdslf.usd.edited import open_edited
-from usdslf.usd.read import read_scene
+from usdslf.usd.read.read import read_scene
 from usdslf.usd.stroke_layer import write_strokes
 from usdslf.usd.validate import validate as find_wrong
 

@@ -12,8 +12,8 @@ from pxr import Usd
 from usdslf.color import color_of
 from usdslf.scene.records import Material, PrimvarInput, Texture
 from usdslf.textures.images import write_image
-from usdslf.usd.materials import MaterialTable
 from usdslf.usd.notes import Notes
+from usdslf.usd.read.materials import MaterialTable
 
 SHADER = 'def Shader "s" { uniform token info:id = "UsdPreviewSurface"\n token outputs:surface\n %s }'
 READER = 'def Shader "uv" { uniform token info:id = "UsdPrimvarReader_float2"\n%s\n float2 outputs:result }'

@@ -30,7 +30,7 @@ from stage_parts import StageBuilder
 from test_session import places
 
 import usdslf
-from usdslf.usd.read import read_scene
+from usdslf.usd.read.read import read_scene
 
 Run = Callable[..., tuple[int, str, str]]
 FAR = np.array([30.0, 0, 0])

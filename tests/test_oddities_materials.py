@@ -35,7 +35,7 @@ from test_session import FLOOR, places
 
 import usdslf
 from usdslf.errors import AuthorError
-from usdslf.usd.read import read_scene
+from usdslf.usd.read.read import read_scene
 
 Run = Callable[..., tuple[int, str, str]]
 F = Sdf.ValueTypeNames

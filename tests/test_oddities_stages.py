@@ -34,7 +34,7 @@ from stage_parts import StageBuilder
 from test_session import FLOOR, LAMP, POWER, SIZE, places
 
 import usdslf
-from usdslf.usd.read import read_scene
+from usdslf.usd.read.read import read_scene
 
 Run = Callable[..., tuple[int, str, str]]
 QUARTER = math.sqrt(0.5)

@@ -14,7 +14,7 @@ from usdslf.surfaces.surface_points import evaluate_surface
 from usdslf.usd.author import author_review_root
 from usdslf.usd.look_layer import bound_relationship
 from usdslf.usd.preview_material import PreviewMaterials, make_preview, without_preview
-from usdslf.usd.read import read_scene
+from usdslf.usd.read.read import read_scene
 
 
 def over(stage: Usd.Stage, made: PreviewMaterials) -> Usd.Stage:

@@ -14,7 +14,7 @@ from pxr import Usd
 from usdslf.errors import InputError, StageError
 from usdslf.surfaces.surface_points import evaluate_surface
 from usdslf.textures.images import write_image
-from usdslf.usd.read import open_stage, read_scene, time_code, working_space_of
+from usdslf.usd.read.read import open_stage, read_scene, time_code, working_space_of
 
 SQUARE = """def Mesh "square" {
     point3f[] points = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)]

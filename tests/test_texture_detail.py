@@ -15,7 +15,7 @@ from test_author_texture import textured_shot
 from usdslf.edits.edits import MaterialChange, Reflectance
 from usdslf.scene.records import Scene
 from usdslf.surfaces.surface_points import SurfacePoints, evaluate_surface
-from usdslf.usd.read import read_scene
+from usdslf.usd.read.read import read_scene
 
 SIZE = 64  # points along a side of the square in front
 

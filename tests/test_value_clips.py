@@ -14,7 +14,7 @@ from stage_textures import write_image
 from test_oddities_textures import textured
 from test_session import FLOOR, places
 
-from usdslf.usd.read import read_scene
+from usdslf.usd.read.read import read_scene
 from usdslf.usd.validate import validate
 from usdslf.usd.wins import why_hidden
 

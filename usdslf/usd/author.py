@@ -34,7 +34,7 @@ from usdslf.usd.notes import Notes
 from usdslf.usd.preview_material import PreviewMaterials, edited_ones, write_made
 from usdslf.usd.provenance import layer_data
 from usdslf.usd.reach import changed_along, final_renders
-from usdslf.usd.read import quiet_usd
+from usdslf.usd.read.read import quiet_usd
 from usdslf.usd.shot_metadata import ROOT_ONLY, copy_shot_metadata, default_prim_name, shot_files
 from usdslf.usd.wins import AuthoredEdit, compose_over, with_wins
 

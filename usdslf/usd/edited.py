@@ -7,7 +7,7 @@ import os
 from pxr import Sdf, Tf, Usd
 
 from usdslf.errors import InputError
-from usdslf.usd.read import open_stage, quiet_usd
+from usdslf.usd.read.read import open_stage, quiet_usd
 
 
 def open_edited(shot: str | os.PathLike[str], look: str | os.PathLike[str]) -> Usd.Stage:

@@ -28,7 +28,7 @@ from usdslf.usd.look_layer import LookLayer, bound_relationship, gprims_of, part
 from usdslf.usd.notes import Notes
 from usdslf.usd.preview_look import Look, look_of
 from usdslf.usd.preview_nodes import write_preview
-from usdslf.usd.read import quiet_usd
+from usdslf.usd.read.read import quiet_usd
 from usdslf.usd.shot_metadata import copy_shot_metadata, default_prim_name
 
 GREY = (0.18, 0.18, 0.18)  # of UsdPreviewSurface

@@ -15,7 +15,7 @@ from typing import Any
 from pxr import Sdf, Tf, Usd
 
 from usdslf.usd.files import relative_path
-from usdslf.usd.read import quiet_usd
+from usdslf.usd.read.read import quiet_usd
 
 
 def layer_data(

@@ -21,7 +21,7 @@ from pxr import Gf, Sdf, Tf, Usd, UsdGeom, Vt
 from usdslf.errors import AuthorError, StrokeError
 from usdslf.strokes.stroke import Stroke, validate_stroke
 from usdslf.usd.files import write_layer
-from usdslf.usd.read import quiet_usd
+from usdslf.usd.read.read import quiet_usd
 from usdslf.usd.schema import API_SCHEMA, register_schema
 from usdslf.usd.shot_metadata import copy_shot_metadata, shot_files
 

@@ -34,7 +34,7 @@ from usdslf.usd.arcs import inherited_classes
 from usdslf.usd.files import assets_of
 from usdslf.usd.look_layer import bound_relationship
 from usdslf.usd.provenance import stale
-from usdslf.usd.read import quiet_usd, read_scene
+from usdslf.usd.read.read import quiet_usd, read_scene
 from usdslf.usd.stroke_layer import SCOPE, read_strokes
 from usdslf.usd.wins import why_hidden
 

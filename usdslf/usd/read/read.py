@@ -14,11 +14,11 @@ from pxr import Pcp, Sdf, Tf, Usd, UsdGeom, UsdUtils
 from usdslf.color import USD_DEFAULT_SPACE, color_of
 from usdslf.errors import StageError
 from usdslf.scene.records import Material, Mesh, PrimvarInput, Scene, Texture
-from usdslf.usd.cameras import read_cameras
-from usdslf.usd.geometry import read_meshes
-from usdslf.usd.lights import read_lights
-from usdslf.usd.materials import MaterialTable
 from usdslf.usd.notes import Notes, name_some
+from usdslf.usd.read.cameras import read_cameras
+from usdslf.usd.read.geometry import read_meshes
+from usdslf.usd.read.lights import read_lights
+from usdslf.usd.read.materials import MaterialTable
 
 
 def open_stage(path: str | os.PathLike[str]) -> Usd.Stage:

@@ -15,12 +15,12 @@ from pxr import Usd, UsdGeom
 
 from usdslf.geometry.shape import REFINED_FACES_MAX, Shape, build_shape, fingerprint, place
 from usdslf.scene.records import F32, F64, I32, Mesh
-from usdslf.usd.implicit import SIZES, read_implicit
 from usdslf.usd.notes import Notes
-from usdslf.usd.placement import Placed, Placement
-from usdslf.usd.polygons import read_polygons
-from usdslf.usd.primvars import read_primvars
-from usdslf.usd.skinning import Skins
+from usdslf.usd.read.implicit import SIZES, read_implicit
+from usdslf.usd.read.placement import Placed, Placement
+from usdslf.usd.read.polygons import read_polygons
+from usdslf.usd.read.primvars import read_primvars
+from usdslf.usd.read.skinning import Skins
 
 TRIANGLES_MAX = 30_000_000  # of a stage, after instancing
 REFINED_TRIANGLES_MAX = 3_000_000  # of a stage; cages are refined less rather than pass it

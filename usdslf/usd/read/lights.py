@@ -19,8 +19,8 @@ from pxr import Sdf, Usd, UsdGeom, UsdLux
 from usdslf.color import USD_DEFAULT_SPACE, Color
 from usdslf.scene.records import F64, Light
 from usdslf.textures import images
-from usdslf.usd.materials import color_space_of
 from usdslf.usd.notes import Notes
+from usdslf.usd.read.materials import color_space_of
 
 KINDS = {
     "RectLight": "rect",

@@ -11,8 +11,8 @@ from pxr import Usd, UsdGeom
 from usdslf.geometry.shape import Polygons
 from usdslf.scene.records import F64
 from usdslf.usd.notes import Notes
-from usdslf.usd.primvars import Primvars, numbers, read_normals, read_primvars
-from usdslf.usd.skinning import Posed
+from usdslf.usd.read.primvars import Primvars, numbers, read_normals, read_primvars
+from usdslf.usd.read.skinning import Posed
 
 I64 = NDArray[np.int64]
 

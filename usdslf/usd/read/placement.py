@@ -14,7 +14,7 @@ from pxr import Gf, Usd, UsdGeom
 
 from usdslf.scene.records import F64
 from usdslf.usd.notes import Notes
-from usdslf.usd.primvars import read_primvars
+from usdslf.usd.read.primvars import read_primvars
 
 _PURPOSES = ("default", "render")
 _OF_INSTANCES = ("protoIndices", "positions", "orientations", "orientationsf", "scales", "velocities", "accelerations",

@@ -1,0 +1,1 @@
+"""A stage at a frame as records."""
