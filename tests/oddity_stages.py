@@ -23,7 +23,7 @@ from usdslf.scene.records import Mesh, Scene
 from usdslf.session import Session
 from usdslf.strokes.stroke import Stroke
 from usdslf.surfaces.surface_points import SurfacePoints, evaluate_surface
-from usdslf.usd.wins import AuthoredEdit
+from usdslf.usd.layer.wins import AuthoredEdit
 
 AFTER = FLOOR | {"diffuse": (0.6, 0.15, 0.1)}
 FACES = np.array([[0, 1, 4, 3], [1, 2, 5, 4], [3, 4, 7, 6], [4, 5, 8, 7]])

@@ -26,11 +26,11 @@ from usdslf.scene.records import PrimvarInput, Scene, Texture
 from usdslf.strokes.anchors import locate_stroke
 from usdslf.surfaces.surface_points import SurfacePoints, evaluate_surface
 from usdslf.usd.author import author_look
-from usdslf.usd.look_layer import bound_relationship
-from usdslf.usd.network import same_value
+from usdslf.usd.layer.look_layer import bound_relationship
+from usdslf.usd.layer.network import same_value
+from usdslf.usd.layer.wins import AuthoredEdit, compose_over
 from usdslf.usd.read.read import open_stage, read_scene
 from usdslf.usd.validate import validate as find_wrong
-from usdslf.usd.wins import AuthoredEdit, compose_over
 
 NOT_EDITABLE = (  # displayColor only, or no material at all
     "cornell_box/cornell-box_displayColor.usda",

@@ -17,7 +17,7 @@ from usdslf.edits.edits import MaterialChange, Reflectance
 from usdslf.scene.records import Scene, Texture
 from usdslf.surfaces.surface_points import evaluate_surface
 from usdslf.textures.images import write_image
-from usdslf.usd.baked_files import textures_folder
+from usdslf.usd.layer.baked_files import textures_folder
 from usdslf.usd.read.read import read_scene
 from usdslf.usd.validate import validate
 

@@ -20,10 +20,10 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, Vt
 
 from usdslf.surfaces.surface_points import SurfacePoints, evaluate_surface
 from usdslf.textures.images import write_image
-from usdslf.usd.look_layer import LookLayer
+from usdslf.usd.layer.look_layer import LookLayer
+from usdslf.usd.layer.wins import compose_over
 from usdslf.usd.preview_material import make_preview, write_made
 from usdslf.usd.read.read import read_scene
-from usdslf.usd.wins import compose_over
 
 N = Sdf.ValueTypeNames
 KINDS = {1: N.Float, 2: N.Float2, 3: N.Color3f, 4: N.Float4}

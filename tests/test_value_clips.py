@@ -14,9 +14,9 @@ from stage_textures import write_image
 from test_oddities_textures import textured
 from test_session import FLOOR, places
 
+from usdslf.usd.layer.wins import why_hidden
 from usdslf.usd.read.read import read_scene
 from usdslf.usd.validate import validate
-from usdslf.usd.wins import why_hidden
 
 FIRST, LAST = 1.0, 10.0
 DIFFUSE = "/World/mtl/floor/surface.inputs:diffuseColor"

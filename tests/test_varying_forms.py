@@ -30,7 +30,7 @@ from usdslf.errors import StrokeError
 from usdslf.inference.solve import Options
 from usdslf.session import Session
 from usdslf.strokes.stroke import Stroke
-from usdslf.usd.baked_files import textures_folder
+from usdslf.usd.layer.baked_files import textures_folder
 
 P = places()
 ALONG = ((P[:, 0] + 0.7) / 1.4)[:, None]  # 0..1 over the stroke

@@ -34,7 +34,7 @@ from usdslf.inference.answers import changed_surface
 from usdslf.inference.changes import with_varying
 from usdslf.session import Session
 from usdslf.strokes.stroke import Stroke
-from usdslf.usd.baked_files import textures_folder
+from usdslf.usd.layer.baked_files import textures_folder
 
 P = places()
 RECTANGLE = rectangle((-1, 0, 1), (2, 0, 0), (0, 0, -2))

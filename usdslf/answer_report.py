@@ -14,7 +14,7 @@ from usdslf.inference.changes import shown_on
 from usdslf.scene.records import Scene
 from usdslf.strokes.stroke import Stroke
 from usdslf.stylize.unsharp_mask import Stylized
-from usdslf.usd.wins import AuthoredEdit
+from usdslf.usd.layer.wins import AuthoredEdit
 
 if TYPE_CHECKING:
     from usdslf.session import Session

@@ -25,18 +25,18 @@ from pxr import Sdf, Tf, Usd, UsdShade, Vt
 
 from usdslf.edits.edits import MaterialChange, material_change_to_input_edits
 from usdslf.errors import AuthorError, StageError
-from usdslf.usd.baked_files import drop_unused
 from usdslf.usd.change_writer import MODES, ChangeWriter
 from usdslf.usd.files import check_layer_place, relative_path, write_layer
-from usdslf.usd.kept import RECORD, added_by_hand, put_under, record_of, what_is_by_hand
-from usdslf.usd.look_layer import LookLayer, bound_relationship, preview_surface
+from usdslf.usd.layer.affected import changed_along, final_renders
+from usdslf.usd.layer.baked_files import drop_unused
+from usdslf.usd.layer.hand_edits import RECORD, added_by_hand, put_under, record_of, what_is_by_hand
+from usdslf.usd.layer.look_layer import LookLayer, bound_relationship, preview_surface
+from usdslf.usd.layer.provenance import layer_data
+from usdslf.usd.layer.wins import AuthoredEdit, compose_over, with_wins
 from usdslf.usd.notes import Notes
 from usdslf.usd.preview_material import PreviewMaterials, edited_ones, write_made
-from usdslf.usd.provenance import layer_data
-from usdslf.usd.reach import changed_along, final_renders
 from usdslf.usd.read.read import quiet_usd
 from usdslf.usd.shot_metadata import ROOT_ONLY, copy_shot_metadata, default_prim_name, shot_files
-from usdslf.usd.wins import AuthoredEdit, compose_over, with_wins
 
 if TYPE_CHECKING:
     from usdslf.color import Color

@@ -26,8 +26,8 @@ from usdslf.scene.records import Texture
 from usdslf.textures.images import files_of, why_unreadable
 from usdslf.usd.arcs import class_of
 from usdslf.usd.files import relative_path
-from usdslf.usd.look_layer import LookLayer, bound_relationship, shader_of, users_of
-from usdslf.usd.network import (
+from usdslf.usd.layer.look_layer import LookLayer, bound_relationship, shader_of, users_of
+from usdslf.usd.layer.network import (
     NEW_TYPES,
     as_attribute,
     driving_prim,
@@ -40,7 +40,7 @@ from usdslf.usd.network import (
     plain,
     same_value,
 )
-from usdslf.usd.wins import AuthoredEdit
+from usdslf.usd.layer.wins import AuthoredEdit
 
 if TYPE_CHECKING:
     from usdslf.color import Color

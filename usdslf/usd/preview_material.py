@@ -24,7 +24,7 @@ from pxr import Sdf, Usd, UsdGeom, UsdShade
 
 from usdslf.usd.change_writer import SCOPE
 from usdslf.usd.driven import Driven, constant
-from usdslf.usd.look_layer import LookLayer, bound_relationship, gprims_of, parts_of, preview_surface
+from usdslf.usd.layer.look_layer import LookLayer, bound_relationship, gprims_of, parts_of, preview_surface
 from usdslf.usd.notes import Notes
 from usdslf.usd.preview_look import Look, look_of
 from usdslf.usd.preview_nodes import write_preview

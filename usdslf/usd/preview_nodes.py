@@ -15,7 +15,7 @@ from pxr import Gf, Sdf
 from usdslf.usd.coordinates import AS_IT_IS, as_transform_2d
 from usdslf.usd.driven import Driven, Image
 from usdslf.usd.files import relative_path
-from usdslf.usd.look_layer import LookLayer
+from usdslf.usd.layer.look_layer import LookLayer
 from usdslf.usd.preview_look import MODES, Look
 
 Names = Sdf.ValueTypeNames

@@ -32,11 +32,11 @@ from usdslf.color import color_of
 from usdslf.errors import StrokeError, UsdslfError
 from usdslf.usd.arcs import inherited_classes
 from usdslf.usd.files import assets_of
-from usdslf.usd.look_layer import bound_relationship
-from usdslf.usd.provenance import stale
+from usdslf.usd.layer.look_layer import bound_relationship
+from usdslf.usd.layer.provenance import stale
+from usdslf.usd.layer.wins import why_hidden
 from usdslf.usd.read.read import quiet_usd, read_scene
 from usdslf.usd.stroke_layer import SCOPE, read_strokes
-from usdslf.usd.wins import why_hidden
 
 if TYPE_CHECKING:
     from usdslf.scene.records import Scene

@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING
 
 from pxr import Sdf, Usd, UsdShade
 
-from usdslf.usd.look_layer import bound_relationship, gprims_of, parts_of
+from usdslf.usd.layer.look_layer import bound_relationship, gprims_of, parts_of
 from usdslf.usd.notes import Notes
 
 if TYPE_CHECKING:
-    from usdslf.usd.wins import AuthoredEdit
+    from usdslf.usd.layer.wins import AuthoredEdit
 
 
 def gprims_reached(review: Usd.Stage, layer: Sdf.Layer) -> dict[Sdf.Path, list[str]]:

@@ -1,0 +1,1 @@
+"""The look layer: its opinions, and who else has some."""
