@@ -22,7 +22,7 @@ from usdslf.surfaces.surface_points import SurfacePoints, evaluate_surface
 from usdslf.textures.images import write_image
 from usdslf.usd.layer.look_layer import LookLayer
 from usdslf.usd.layer.wins import compose_over
-from usdslf.usd.preview_material import make_preview, write_made
+from usdslf.usd.preview.preview_material import make_preview, write_made
 from usdslf.usd.read.read import read_scene
 
 N = Sdf.ValueTypeNames

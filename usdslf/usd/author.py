@@ -34,7 +34,7 @@ from usdslf.usd.layer.look_layer import LookLayer, bound_relationship, preview_s
 from usdslf.usd.layer.provenance import layer_data
 from usdslf.usd.layer.wins import AuthoredEdit, compose_over, with_wins
 from usdslf.usd.notes import Notes
-from usdslf.usd.preview_material import PreviewMaterials, edited_ones, write_made
+from usdslf.usd.preview.preview_material import PreviewMaterials, edited_ones, write_made
 from usdslf.usd.read.read import quiet_usd
 from usdslf.usd.shot_metadata import ROOT_ONLY, copy_shot_metadata, default_prim_name, shot_files
 

@@ -35,10 +35,21 @@ import numpy as np
 from pxr import Sdf, Usd, UsdShade
 
 from usdslf.color import USD_DEFAULT_SPACE, color_of
-from usdslf.usd.coordinates import as_transform_2d, producer
-from usdslf.usd.driven import Driven, DrivenReader, Image, NotAffine, as_size, constant, mix, node_of, plus, times
 from usdslf.usd.notes import Notes
-from usdslf.usd.surface_models import CONTEXTS, MODELS, Model
+from usdslf.usd.preview.coordinates import as_transform_2d, producer
+from usdslf.usd.preview.driven import (
+    Driven,
+    DrivenReader,
+    Image,
+    NotAffine,
+    as_size,
+    constant,
+    mix,
+    node_of,
+    plus,
+    times,
+)
+from usdslf.usd.preview.surface_models import CONTEXTS, MODELS, Model
 
 Look = dict[str, Driven]  # input of a UsdPreviewSurface -> what drives it; words and switches as numbers
 MODES = ("transparent", "presence")  # opacityMode, by its number

@@ -12,11 +12,11 @@ from typing import Any
 import numpy as np
 from pxr import Gf, Sdf
 
-from usdslf.usd.coordinates import AS_IT_IS, as_transform_2d
-from usdslf.usd.driven import Driven, Image
 from usdslf.usd.files import relative_path
 from usdslf.usd.layer.look_layer import LookLayer
-from usdslf.usd.preview_look import MODES, Look
+from usdslf.usd.preview.coordinates import AS_IT_IS, as_transform_2d
+from usdslf.usd.preview.driven import Driven, Image
+from usdslf.usd.preview.preview_look import MODES, Look
 
 Names = Sdf.ValueTypeNames
 _KINDS = {

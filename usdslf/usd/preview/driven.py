@@ -20,9 +20,9 @@ import numpy as np
 from pxr import Sdf, Usd, UsdShade
 
 from usdslf.color import USD_DEFAULT_SPACE, Color
-from usdslf.usd.coordinates import Affine, coordinates_of, producer, scaled, shifted
 from usdslf.usd.notes import Notes
-from usdslf.usd.surface_models import NODES, OUTPUTS, SIZES, SPACES, WRAPS, Node
+from usdslf.usd.preview.coordinates import Affine, coordinates_of, producer, scaled, shifted
+from usdslf.usd.preview.surface_models import NODES, OUTPUTS, SIZES, SPACES, WRAPS, Node
 
 _CHANNELS = {"r": 0, "g": 1, "b": 2, "a": 3, "x": 0, "y": 1, "z": 2, "w": 3}
 _DEEP = 32  # nodes in a row, which no network has unless it goes round

@@ -23,11 +23,11 @@ import numpy as np
 from pxr import Sdf, Usd, UsdGeom, UsdShade
 
 from usdslf.usd.change_writer import SCOPE
-from usdslf.usd.driven import Driven, constant
 from usdslf.usd.layer.look_layer import LookLayer, bound_relationship, gprims_of, parts_of, preview_surface
 from usdslf.usd.notes import Notes
-from usdslf.usd.preview_look import Look, look_of
-from usdslf.usd.preview_nodes import write_preview
+from usdslf.usd.preview.driven import Driven, constant
+from usdslf.usd.preview.preview_look import Look, look_of
+from usdslf.usd.preview.preview_nodes import write_preview
 from usdslf.usd.read.read import quiet_usd
 from usdslf.usd.shot_metadata import copy_shot_metadata, default_prim_name
 

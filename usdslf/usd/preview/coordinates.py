@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from pxr import Usd, UsdShade
 
 if TYPE_CHECKING:
-    from usdslf.usd.driven import DrivenReader
+    from usdslf.usd.preview.driven import DrivenReader
 
 Affine = tuple[tuple[float, ...], ...]  # (3, 3) rows, acts on columns (s, t, 1)
 AS_IT_IS: Affine = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))

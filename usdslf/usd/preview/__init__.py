@@ -1,0 +1,1 @@
+"""What other surface models show, as UsdPreviewSurface."""
