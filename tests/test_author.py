@@ -38,7 +38,7 @@ from usdslf.edits.edits import MaterialChange, Reflectance
 from usdslf.errors import AuthorError
 from usdslf.scene.records import PrimvarInput, Texture
 from usdslf.strokes.stroke import Stroke
-from usdslf.usd.author import author_look, author_review_root, why_not_editable
+from usdslf.usd.author.author import author_look, author_review_root, why_not_editable
 from usdslf.usd.layer.look_layer import bound_relationship, preview_surface, users_of
 from usdslf.usd.notes import Notes
 from usdslf.usd.read.materials import MaterialTable

@@ -36,7 +36,7 @@ def everything(shot: Usd.Stage, **more: Any) -> list:
 
 @pytest.mark.parametrize("suffix", [".usda", ".usdc"])
 def test_no_strokes_leave_nothing_of_ours(shot: Usd.Stage, tmp_path: Path, suffix: str) -> None:
-    from usdslf.usd.author import author_look
+    from usdslf.usd.author.author import author_look
 
     out = tmp_path / f"look{suffix}"
     author_look(shot, [], out)

@@ -54,7 +54,7 @@ from usdslf.stylize.unsharp_mask import (
     stylize_light,
 )
 from usdslf.surfaces.reflectance import MODELS
-from usdslf.usd.author import author_look, author_review_root, check_look_place
+from usdslf.usd.author.author import author_look, author_review_root, check_look_place
 from usdslf.usd.edited import open_edited
 from usdslf.usd.layer.baked_files import textures_folder
 from usdslf.usd.layer.wins import AuthoredEdit, compose_over

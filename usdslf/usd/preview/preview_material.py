@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 from pxr import Sdf, Usd, UsdGeom, UsdShade
 
-from usdslf.usd.change_writer import SCOPE
+from usdslf.usd.author.change_writer import SCOPE
 from usdslf.usd.layer.look_layer import LookLayer, bound_relationship, gprims_of, parts_of, preview_surface
 from usdslf.usd.notes import Notes
 from usdslf.usd.preview.driven import Driven, constant

@@ -25,7 +25,7 @@ from pxr import Sdf, Tf, Usd, UsdShade, Vt
 
 from usdslf.edits.edits import MaterialChange, material_change_to_input_edits
 from usdslf.errors import AuthorError, StageError
-from usdslf.usd.change_writer import MODES, ChangeWriter
+from usdslf.usd.author.change_writer import MODES, ChangeWriter
 from usdslf.usd.files import check_layer_place, relative_path, write_layer
 from usdslf.usd.layer.affected import changed_along, final_renders
 from usdslf.usd.layer.baked_files import drop_unused

@@ -1,0 +1,1 @@
+"""Changes to opinions of a look layer."""
