@@ -30,7 +30,7 @@ from usdslf.usd.layer.look_layer import bound_relationship
 from usdslf.usd.layer.network import same_value
 from usdslf.usd.layer.wins import AuthoredEdit, compose_over
 from usdslf.usd.read.read import open_stage, read_scene
-from usdslf.usd.validate import validate as find_wrong
+from usdslf.usd.review.validate import validate as find_wrong
 
 NOT_EDITABLE = (  # displayColor only, or no material at all
     "cornell_box/cornell-box_displayColor.usda",

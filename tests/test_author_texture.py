@@ -19,7 +19,7 @@ from usdslf.surfaces.surface_points import evaluate_surface
 from usdslf.textures.images import write_image
 from usdslf.usd.layer.baked_files import textures_folder
 from usdslf.usd.read.read import read_scene
-from usdslf.usd.validate import validate
+from usdslf.usd.review.validate import validate
 
 FIELDS = {"diffuseColor": "diffuse_color", "roughness": "roughness", "metallic": "metallic"}
 SHOWN = {"diffuseColor": "base_color", "roughness": "roughness", "metallic": "metallic"}

@@ -38,7 +38,7 @@ from usdslf.surfaces.surface_points import evaluate_surface
 from usdslf.usd.layer.look_layer import gprims_of, parts_of
 from usdslf.usd.layer.wins import why_hidden
 from usdslf.usd.read.read import read_scene
-from usdslf.usd.validate import validate as find_wrong
+from usdslf.usd.review.validate import validate as find_wrong
 
 RED, GREEN = (0.6, 0.2, 0.1), (0.1, 0.4, 0.2)
 

@@ -26,8 +26,8 @@ from usdslf.strokes.stroke import Stroke
 from usdslf.textures.images import write_image
 from usdslf.usd.edited import open_edited
 from usdslf.usd.read.read import read_scene
+from usdslf.usd.review.validate import validate as find_wrong
 from usdslf.usd.stroke_layer import write_strokes
-from usdslf.usd.validate import validate as find_wrong
 
 Run = Callable[..., tuple[int, str, str]]
 SHOWN = {"diffuse": (0.4, 0.3, 0.2), "specular": (0.04,) * 3, "roughness": 0.5}  # on the fallbacks

@@ -15,10 +15,10 @@ from look_stages import F, add_material, author, bind, change_of, compose, new_s
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, UsdValidation
 
 from usdslf.strokes.stroke import Stroke
-from usdslf.usd import validators
 from usdslf.usd.author.author import author_look
+from usdslf.usd.review.review import validators
+from usdslf.usd.review.validate import lines_of_findings, validate
 from usdslf.usd.stroke_layer import write_strokes
-from usdslf.usd.validate import lines_of_findings, validate
 
 GREEN = (0.1, 0.4, 0.2)
 RED = "/World/mtl/red/pbr"
@@ -260,7 +260,7 @@ def test_a_validator_that_fails_says_so(shot: Usd.Stage, monkeypatch: pytest.Mon
 
 OTHER_PROGRAM = """
 from pxr import Usd, UsdValidation
-found = UsdValidation.ValidationRegistry().GetOrLoadValidatorByName("usdslf.usd.validators:LooksAndStrokes")
+found = UsdValidation.ValidationRegistry().GetOrLoadValidatorByName("usdslf.usd.review.validators:LooksAndStrokes")
 stage = Usd.Stage.Open("look.usda")
 print(*(e.GetName() for e in UsdValidation.ValidationContext([found]).Validate(stage)))
 """

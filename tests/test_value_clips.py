@@ -16,7 +16,7 @@ from test_session import FLOOR, places
 
 from usdslf.usd.layer.wins import why_hidden
 from usdslf.usd.read.read import read_scene
-from usdslf.usd.validate import validate
+from usdslf.usd.review.validate import validate
 
 FIRST, LAST = 1.0, 10.0
 DIFFUSE = "/World/mtl/floor/surface.inputs:diffuseColor"

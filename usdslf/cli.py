@@ -154,7 +154,7 @@ def _print_json(values: Any) -> None:
 def info(options: Settings, stage: str, frame: float | None, refine: int, as_json: bool) -> None:
     """What a stage holds: meshes, materials, lights, cameras, warnings."""
     from usdslf.info import as_text, describe
-    from usdslf.usd.validate import lines_of_findings, validate
+    from usdslf.usd.review.validate import lines_of_findings, validate
 
     with progress(options.quiet) as say:
         session = _open(options, stage, frame, say, refine=refine)
@@ -174,7 +174,7 @@ def info(options: Settings, stage: str, frame: float | None, refine: int, as_jso
 @click.pass_context
 def review(context: click.Context, options: Settings, stage: str, look: str, as_json: bool) -> None:
     """What a look layer changes in a shot, and what is wrong with it; exit code 1 where something is."""
-    from usdslf.usd.review import lines_of_review, review_look
+    from usdslf.usd.review.review import lines_of_review, review_look
 
     found = review_look(stage, look)
     if as_json:

@@ -16,7 +16,7 @@ from usdslf.errors import InputError
 from usdslf.usd.edited import open_edited
 from usdslf.usd.layer.hand_edits import specs_of
 from usdslf.usd.layer.network import plain
-from usdslf.usd.validate import validate
+from usdslf.usd.review.validate import validate
 
 LONG = 4  # values of an array that are shown; of more, their number
 

@@ -14,7 +14,7 @@ from typing import Any
 from pxr import Plug, Sdf, Usd, UsdValidation
 
 from usdslf import plugin_path
-from usdslf.usd.validate import Finding, validate
+from usdslf.usd.review.validate import Finding, validate
 
 NAME = f"{__name__}:LooksAndStrokes"
 _WARNINGS = ("HiddenEdit", "StaleLook", "MovedStroke")

@@ -1,0 +1,1 @@
+"""What a look layer changes, and what is wrong with it."""
