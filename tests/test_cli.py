@@ -205,7 +205,7 @@ def test_unexpected_errors_are_one_line(shot: Path, run: Run, monkeypatch: pytes
 
 
 def test_bench_prints_the_agreed_table(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
-    from usdslf import bench
+    from usdslf.cli.commands import bench
 
     monkeypatch.setattr(bench, "SIZE", (32, 16))
     code, out, err = run("bench", "--json", "--elements", 500)
@@ -435,7 +435,7 @@ NO_DEVICE = """
 import sys
 import usdslf.gpu.device as gpu
 gpu.cl.get_platforms = lambda: []
-from usdslf.cli import main
+from usdslf.cli.commands import main
 sys.exit(main())
 """
 

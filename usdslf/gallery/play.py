@@ -16,11 +16,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from usdslf.cli.text import lines_of_report
 from usdslf.color import color_of
 from usdslf.errors import AuthorError, StrokeError
 from usdslf.gallery.records import Dabs, Entry, Picture, Shown, Step
 from usdslf.outputs import write_json, write_picture
-from usdslf.report import lines_of_report
 from usdslf.session import Session
 from usdslf.strokes.overlay import draw_strokes
 from usdslf.strokes.stroke import Stroke, paint_stroke

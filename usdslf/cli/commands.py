@@ -18,11 +18,11 @@ import click
 import numpy as np
 
 import usdslf
+from usdslf.cli.parameters import Choose, Color3, Offset, Path2D, Similarity, Size, Weights
+from usdslf.cli.terminal import progress, warn
 from usdslf.errors import AuthorError, InputError, StrokeError, UsdslfError
-from usdslf.options import Choose, Color3, Offset, Path2D, Similarity, Size, Weights
 from usdslf.strokes.stroke import MODES, NORMS, SCOPES, SPACES, TOOLS
 from usdslf.surfaces.reflectance import MODELS
-from usdslf.terminal import progress, warn
 
 if TYPE_CHECKING:
     from usdslf.session import Say, Session
@@ -153,7 +153,7 @@ def _print_json(values: Any) -> None:
 @settings
 def info(options: Settings, stage: str, frame: float | None, refine: int, as_json: bool) -> None:
     """What a stage holds: meshes, materials, lights, cameras, warnings."""
-    from usdslf.info import as_text, describe
+    from usdslf.cli.info import as_text, describe
     from usdslf.usd.review.validate import lines_of_findings, validate
 
     with progress(options.quiet) as say:
@@ -330,9 +330,9 @@ def solve(
     mode: str | None, make_preview: bool, model: str, frame: float | None, refine: int,
 ) -> None:  # fmt: skip
     """Find the smallest material change that explains the strokes, and write it as a look layer."""
+    from usdslf.cli.text import lines_of_report
     from usdslf.inference.solve import Options
     from usdslf.outputs import check_place, write_json
-    from usdslf.report import lines_of_report
     from usdslf.similarity import similarity as propagate
     from usdslf.usd.stroke_layer import read_strokes
 
@@ -383,8 +383,8 @@ def stylize(
     refine: int,
 ) -> None:  # fmt: skip
     """Sharpen the look of the whole shot: unsharp masking of its light, as valid materials."""
+    from usdslf.cli.text import lines_of_report
     from usdslf.outputs import check_place, write_json
-    from usdslf.report import lines_of_report
     from usdslf.stylize.unsharp_mask import check_numbers
 
     check_numbers(amount, radius)
@@ -427,7 +427,7 @@ def demo(options: Settings, names: tuple[str, ...], all_names: bool, output: str
 @settings
 def bench(options: Settings, as_json: bool, elements: int) -> None:
     """Time of each step beside the measured limits of this machine."""
-    from usdslf.bench import lines_of_table, measure
+    from usdslf.cli.bench import lines_of_table, measure
 
     with progress(options.quiet) as say:
         found = measure(options.device, options.ocio, elements, say)
@@ -441,7 +441,7 @@ def bench(options: Settings, as_json: bool, elements: int) -> None:
 @settings
 def doctor(options: Settings) -> None:
     """Versions, OpenCL devices, OCIO config, Hydra present or not, limits."""
-    from usdslf.doctor import diagnose
+    from usdslf.cli.doctor import diagnose
 
     for section, name, value in diagnose(options.device, options.ocio):
         click.echo(f"{section:<13} {name:<26} {value}")
