@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 import usdslf
 from usdslf.animation.frames import Placed, carry
 from usdslf.animation.revealed import DarkProbes, probe_dark
-from usdslf.answer_report import report_of
 from usdslf.color import Color, color_of
 from usdslf.edits.edits import MaterialChange
 from usdslf.elements.elements import ElementLookup, Elements, refresh_reflectance, sample_elements
@@ -37,6 +36,7 @@ from usdslf.light_field.visibility import RayTracer, Visibility, trace_visibilit
 from usdslf.lights.sources import LightSet, lights_or_default
 from usdslf.render.overview_camera import overview_camera
 from usdslf.render.picture import render
+from usdslf.report import report_of
 from usdslf.scene.difference import why_not_comparable
 from usdslf.scene.records import Camera, Light, Scene
 from usdslf.similarity.materials import painted_places, similarity_picture
