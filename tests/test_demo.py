@@ -11,7 +11,7 @@ import pytest
 from pxr import Usd
 from reference.mitsuba_setup import why_no_pathtracer
 
-from usdslf import demo
+from usdslf.gallery import demo
 from usdslf.gallery.still_life import MATERIALS, RADIUS, STROKES, TRUTH, build
 from usdslf.procedural.shapes import Shape, ball, curve, lathe, rounded_box, torus, tube
 from usdslf.usd.build_stage import write_stage

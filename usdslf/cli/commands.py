@@ -414,7 +414,7 @@ def stylize(
 @settings
 def demo(options: Settings, names: tuple[str, ...], all_names: bool, output: str, hdri: str | None) -> None:
     """The paper's figures as shipped scenes with scripted strokes: look layers, reports, pictures, an index."""
-    from usdslf.demo import run_demos
+    from usdslf.gallery.demo import run_demos
 
     with progress(options.quiet) as say:
         for line in run_demos(names, all_names, output, hdri, options.device, options.ocio, say):
