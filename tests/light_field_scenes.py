@@ -12,7 +12,8 @@ from usdslf.elements.elements import ElementLookup, Elements, sample_elements
 from usdslf.gpu.device import Device
 from usdslf.light_field.light_field import LightField
 from usdslf.light_field.static_light import static_light
-from usdslf.light_field.visibility import ESCAPES, RayTracer, Visibility, trace_visibility
+from usdslf.light_field.visibility import ESCAPES, Visibility, trace_visibility
+from usdslf.rays import RayTracer
 from usdslf.sampling.hemisphere import D, bin_directions
 from usdslf.scene.records import Light, Material, Mesh, Scene, constant
 

@@ -21,7 +21,8 @@ from usdslf.procedural.shot import Lamp, Part, Shot, View
 from usdslf.scene.cameras import project_points
 from usdslf.session import Session
 from usdslf.similarity.similarity import Weights
-from usdslf.strokes.stroke import Stroke, paint_stroke
+from usdslf.strokes.paint import paint_stroke
+from usdslf.strokes.stroke import Stroke
 from usdslf.usd.build_stage import write_stage
 from usdslf.usd.stroke_layer import write_strokes
 

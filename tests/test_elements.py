@@ -13,7 +13,8 @@ from usdslf.elements.elements import ElementLookup, sample_elements, share_out
 from usdslf.elements.lookup import blend_weights, link_rays
 from usdslf.errors import StageError
 from usdslf.gpu.device import open_device
-from usdslf.light_field.visibility import BLOCKED, ESCAPES, RayTracer, points_at
+from usdslf.light_field.visibility import BLOCKED, ESCAPES
+from usdslf.rays import RayTracer, points_at
 from usdslf.sampling.blue_noise import choose_blue_noise
 from usdslf.scene.records import Camera, Material, PrimvarInput, constant
 

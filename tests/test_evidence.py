@@ -14,7 +14,8 @@ from reference.visibility import square_cells
 
 from usdslf.errors import StrokeError
 from usdslf.gpu.device import Device
-from usdslf.inference.evidence import Evidence, build_evidence, gather_samples
+from usdslf.inference.evidence import Evidence, build_evidence
+from usdslf.inference.samples import gather_samples
 from usdslf.lights.sources import LightSet
 from usdslf.sampling.hemisphere import D
 from usdslf.sampling.low_discrepancy import random_shifts, sobol_points

@@ -15,7 +15,8 @@ import usdslf
 from usdslf.light_field.light_field import LightField
 from usdslf.session import Session
 from usdslf.strokes.anchors import locate_stroke
-from usdslf.strokes.stroke import Stroke, paint_stroke
+from usdslf.strokes.paint import paint_stroke
+from usdslf.strokes.stroke import Stroke
 
 
 @pytest.fixture(scope="module")

@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 
 from tests.reference import lights as ref
-from usdslf.light_field.static_light import default_lights, intersect_light, is_delta, sample_light, static_light
-from usdslf.light_field.visibility import ESCAPES, RayTracer
+from usdslf.light_field.static_light import intersect_light, is_delta, sample_light, static_light
+from usdslf.light_field.visibility import ESCAPES
+from usdslf.lights.defaults import default_lights
 from usdslf.lights.dome import Dome
+from usdslf.rays import RayTracer
 from usdslf.sampling.hemisphere import SOLID_ANGLE, D, bin_directions
 from usdslf.sampling.low_discrepancy import random_shifts, sobol_points
 from usdslf.scene.records import Camera, Light, Material, Mesh, Scene

@@ -10,7 +10,7 @@ from recovery.run_recovery import paint, read_truth, select
 from recovery.stages import build_stage
 
 import usdslf
-from usdslf.inference.solve import Options
+from usdslf.inference.weights import Options
 
 NAMES = ("single_teapot_dome_diffuse_m", "single_sphere_distant_specular_m", "single_torus_area_glossiness_m")
 KEYS = ("diffuse", "specular", "roughness")

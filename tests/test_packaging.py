@@ -19,7 +19,7 @@ site.addsitedir(sys.argv[1])
 sys.path.append(sys.argv[2])
 import usdslf, usdslf.cli
 from usdslf.gpu.source import kernel_folder, kernel_source
-from usdslf.plugin_path import schema_folder
+from usdslf.usd.schema import schema_folder
 assert "kernel" in kernel_source("light_field")
 assert "SlfStrokeAPI" in (schema_folder() / "generatedSchema.usda").read_text()
 import hydra_viewer

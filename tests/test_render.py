@@ -20,8 +20,8 @@ import usdslf.render.picture as render_module
 from usdslf.elements.elements import sample_elements
 from usdslf.errors import InputError
 from usdslf.gpu.device import Device
-from usdslf.light_field.visibility import RayTracer
 from usdslf.lights.sources import LightSet
+from usdslf.rays import RayTracer
 from usdslf.render.guide import LightGuide
 from usdslf.render.lobes import Lobes, shading_points
 from usdslf.render.picture import AOVS, render

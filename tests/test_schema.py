@@ -11,7 +11,6 @@ from pathlib import Path
 import pytest
 from pxr import Plug, Sdf, Usd
 
-from usdslf import plugin_path
 from usdslf.errors import SchemaError
 from usdslf.usd import schema
 
@@ -115,9 +114,9 @@ print(len(Usd.SchemaRegistry().FindAppliedAPIPrimDefinition("SlfStrokeAPI").GetP
 def test_a_wheels_folder_is_found_first(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     wheel = tmp_path / "_schemas"
     shutil.copytree(ROOT / "schemas", wheel)
-    monkeypatch.setattr(plugin_path, "PLACES", (wheel, ROOT / "schemas"))
-    assert plugin_path.schema_folder() == wheel
-    monkeypatch.setattr(plugin_path, "PLACES", (tmp_path / "none",))
+    monkeypatch.setattr(schema, "PLACES", (wheel, ROOT / "schemas"))
+    assert schema.schema_folder() == wheel
+    monkeypatch.setattr(schema, "PLACES", (tmp_path / "none",))
     schema.register_schema.cache_clear()
     with pytest.raises(SchemaError, match="missing from"):
         schema.register_schema()

@@ -10,16 +10,10 @@ from reference import solve as ref
 from reference.reflectance import frame_about
 
 from usdslf.inference.bilinear import Tables, pool_tables
+from usdslf.inference.candidate import Candidate
 from usdslf.inference.evidence import Evidence
-from usdslf.inference.solve import (
-    Candidate,
-    Options,
-    enumerate_candidates,
-    predicted,
-    refit,
-    relative_error,
-    whiten,
-)
+from usdslf.inference.solve import enumerate_candidates, predicted, refit, relative_error, whiten
+from usdslf.inference.weights import Options
 from usdslf.strokes.stroke import Stroke
 from usdslf.surfaces.reflectance import roughness_levels
 from usdslf.surfaces.surface_points import SurfacePoints

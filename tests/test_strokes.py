@@ -10,11 +10,12 @@ from numpy.testing import assert_allclose
 
 from usdslf.errors import StrokeError
 from usdslf.geometry.closest_point import nearest_on_triangles
-from usdslf.light_field.visibility import RayTracer
+from usdslf.rays import RayTracer
 from usdslf.scene.cameras import project_points
 from usdslf.scene.records import Camera, Material, Mesh, Scene
 from usdslf.strokes.anchors import locate_stroke, painted_faces
-from usdslf.strokes.stroke import Stroke, dab_rows, paint_stroke, sample_picture, validate_stroke
+from usdslf.strokes.paint import paint_stroke, sample_picture
+from usdslf.strokes.stroke import Stroke, dab_rows, validate_stroke
 
 QUAD = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], np.float32)
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from usdslf.scene.records import Material, Mesh, PrimvarInput, Scene, Texture, constant
-from usdslf.surfaces.surface_points import evaluate_opacity, evaluate_surface, is_opaque
+from usdslf.surfaces.surface_points import evaluate_opacity, evaluate_surface
 from usdslf.textures.images import write_image
 
 CENTRE = [[1 / 3, 1 / 3]]
@@ -108,8 +108,8 @@ def test_opacity(mode: str, threshold: float, opacity: float, expected: tuple[fl
     assert found["f0"] == pytest.approx([0.04] * 3)
     quick = evaluate_opacity(scene(material), [0], CENTRE)
     assert (quick[0][0], quick[1][0]) == expected[:2]
-    assert not is_opaque(material)
-    assert is_opaque(Material("/m"))
+    assert not material.is_opaque
+    assert Material("/m").is_opaque
 
 
 @pytest.fixture

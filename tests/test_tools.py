@@ -18,7 +18,8 @@ from usdslf.inference.answers import Answer
 from usdslf.inference.direct import gather_strokes
 from usdslf.inference.tools import OPERATORS, Seen, apply_tool, offset_on_picture
 from usdslf.session import Session
-from usdslf.strokes.stroke import TOOLS, Stroke, paint_stroke
+from usdslf.strokes.paint import paint_stroke
+from usdslf.strokes.stroke import TOOLS, Stroke
 
 Made = Callable[..., Session]
 RED, BLUE = (0.6, 0.12, 0.06), (0.08, 0.12, 0.5)

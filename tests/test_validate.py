@@ -16,7 +16,7 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, UsdValidation
 
 from usdslf.strokes.stroke import Stroke
 from usdslf.usd.author.author import author_look
-from usdslf.usd.review.review import validators
+from usdslf.usd.review import validators
 from usdslf.usd.review.validate import lines_of_findings, validate
 from usdslf.usd.stroke_layer import write_strokes
 

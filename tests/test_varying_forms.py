@@ -27,7 +27,7 @@ from varying_floor import (
 
 import usdslf
 from usdslf.errors import StrokeError
-from usdslf.inference.solve import Options
+from usdslf.inference.weights import Options
 from usdslf.session import Session
 from usdslf.strokes.stroke import Stroke
 from usdslf.usd.layer.baked_files import textures_folder

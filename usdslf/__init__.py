@@ -33,12 +33,13 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from usdslf.errors import UsdslfError
-from usdslf.plugin_path import announce_schema
+from usdslf.usd.schema import announce_schema
 
 if TYPE_CHECKING:
     from usdslf.scene.records import Scene
     from usdslf.session import Session, open
-    from usdslf.strokes.stroke import Stroke, paint_stroke
+    from usdslf.strokes.paint import paint_stroke
+    from usdslf.strokes.stroke import Stroke
     from usdslf.usd.stroke_layer import read_strokes, write_strokes
 
 __version__ = "0.1.0"
@@ -67,9 +68,6 @@ _HOME = {
     "read_strokes": "usdslf.usd.stroke_layer",
     "write_strokes": "usdslf.usd.stroke_layer",
 }
-
-
-announce_schema()
 
 
 def __getattr__(name: str) -> Any:

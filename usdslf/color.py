@@ -205,3 +205,11 @@ def _color(config: str, environment: str, working_space: str) -> Color:
 def color_of(config: str | None = None, working_space: str = USD_DEFAULT_SPACE) -> Color:
     """Returns the `Color` of a config and a working space, the same object each time."""
     return _color(config or "", os.environ.get("OCIO", ""), working_space)
+
+
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
+
+
+def luminance(color: NDArray) -> NDArray[np.float32]:
+    """Returns the luminance of (..., 3) linear colours."""
+    return np.asarray(color, np.float32) @ LUMINANCE

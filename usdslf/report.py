@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from usdslf.edits.edits import inferred
 from usdslf.inference.answers import Answer, alike_means, means_of
-from usdslf.inference.changes import shown_on
 from usdslf.scene.records import Scene
 from usdslf.strokes.stroke import Stroke
 from usdslf.stylize.unsharp_mask import Stylized
@@ -18,6 +17,7 @@ from usdslf.usd.layer.wins import AuthoredEdit
 
 if TYPE_CHECKING:
     from usdslf.session import Session
+from collections.abc import Iterator, Sequence
 
 
 def report_of(session: Session) -> dict[str, Any]:
@@ -86,7 +86,7 @@ def _surface_of(scene: Scene, stroke: Stroke, material: int) -> str:
 def _is_of(edit: AuthoredEdit, material: int, session: Session) -> bool:
     """Whether an edit is one of a material's nodes, or of values at the points of what shows it."""
     path = session.scene.materials[material].path
-    return edit.prim.startswith(f"{path}/") or edit.prim in shown_on(session.scene, material)
+    return edit.prim.startswith(f"{path}/") or edit.prim in session.scene.shown_on(material)
 
 
 def _of_stroke(session: Session, stroke: Stroke, answer: Answer, *more: Answer) -> dict[str, Any]:
@@ -139,3 +139,43 @@ def _of_stroke(session: Session, stroke: Stroke, answer: Answer, *more: Answer) 
 
 def _plain(values: Mapping[str, NDArray]) -> dict[str, Any]:
     return {k: v.tolist() if len(v) > 1 else float(v[0]) for k, v in values.items()}
+
+
+def lines_of_report(report: Mapping[str, Any]) -> Iterator[str]:
+    """Yields two lines a stroke or stylized material, and up to two an edit."""
+    for style in report.get("materials", ()):
+        yield f"{style['material']}: {style['inferred']}"
+        residual = f"{style['residual_before']:.3f} -> {style['residual_after']:.3f}"
+        written = f", as written {style['residual_as_written']:.3f}" if "residual_as_written" in style else ""
+        yield f"  {_changes(style)}; residual of its elements {residual}{written}"
+    for stroke in report["strokes"]:
+        tie = "  (ambiguous)" if stroke.get("ambiguous") else ""
+        tie += "  (varies over the surface; means follow)" if stroke.get("varies") else ""
+        yield f"{stroke['path']} on {stroke['surface']}: {stroke['inferred']} of {stroke['material']}{tie}"
+        residual = f"{stroke['residual_before']:.3f} -> {stroke['residual_after']:.3f}"
+        yield f"  {_changes(stroke)}; residual {residual}"
+        for also in stroke.get("also", ()):
+            yield f"  and {also['inferred']} of {also['material']}: {_changes(also)}"
+    for edit in report["edits"]:
+        loses = "" if edit["wins"] else f"  (hidden by {edit['hidden_by']}: {edit['mend']})"
+        change = f"{_value(edit['before'])} -> {_value(edit['after'])}"
+        yield f"{edit['prim']}.{edit['attribute']}: {change}{loses}"
+        if edit["affects"]:
+            yield f"  shown by {len(edit['affects'])}: {_some(edit['affects'])}"
+
+
+def _some(prims: Sequence[str], most: int = 3) -> str:
+    more = len(prims) - most
+    return ", ".join(prims[:most]) + (f" and {more} more" if more > 0 else "")
+
+
+def _changes(of: Mapping[str, Any]) -> str:
+    before, after = of["before"], of["after"]
+    changed = [f"{k} {_value(before[k])} -> {_value(after[k])}" for k in after if before[k] != after[k]]
+    return ", ".join(changed) or "nothing changed"
+
+
+def _value(value: Any) -> str:
+    if isinstance(value, list | tuple):
+        return "(" + ", ".join(_value(v) for v in value) + ")"
+    return f"{value:.3g}" if isinstance(value, float) else str(value)

@@ -25,15 +25,17 @@ from usdslf.elements.elements import ElementLookup, Elements, refresh_reflectanc
 from usdslf.errors import InputError, SolveError, StageError, StrokeError
 from usdslf.gpu.device import Device, open_device
 from usdslf.inference.answers import Answer, Painted, Pool
-from usdslf.inference.changes import changes_of, restyled, with_varying
+from usdslf.inference.changes import changes_of, with_varying
 from usdslf.inference.direct import gather_strokes, infer_changes
 from usdslf.inference.indirect import infer_indirect
 from usdslf.inference.residuals import residual_as_preview, residual_as_written
-from usdslf.inference.solve import Options
+from usdslf.inference.weights import Options
 from usdslf.light_field.light_field import LightField, Surface, require_memory
 from usdslf.light_field.static_light import static_light
-from usdslf.light_field.visibility import RayTracer, Visibility, trace_visibility
-from usdslf.lights.sources import LightSet, lights_or_default
+from usdslf.light_field.visibility import Visibility, trace_visibility
+from usdslf.lights.defaults import lights_or_default
+from usdslf.lights.sources import LightSet
+from usdslf.rays import RayTracer
 from usdslf.render.overview_camera import overview_camera
 from usdslf.render.picture import render
 from usdslf.report import report_of
@@ -42,7 +44,7 @@ from usdslf.scene.records import Camera, Light, Scene
 from usdslf.similarity.materials import painted_places, similarity_picture
 from usdslf.similarity.similarity import Weights
 from usdslf.strokes.stroke import Stroke
-from usdslf.stylize.changes import with_styles
+from usdslf.stylize.changes import restyled, with_styles
 from usdslf.stylize.surroundings import find_surroundings
 from usdslf.stylize.unsharp_mask import (
     AMOUNT,

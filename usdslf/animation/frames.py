@@ -16,7 +16,8 @@ from usdslf.animation.revealed import DarkProbes, wake_elements
 from usdslf.elements.elements import Elements, refresh_reflectance
 from usdslf.elements.lookup import ElementLookup
 from usdslf.gpu.device import Device
-from usdslf.light_field.visibility import RayTracer, Visibility
+from usdslf.light_field.visibility import Visibility
+from usdslf.rays import RayTracer
 from usdslf.scene.difference import find_moved, look_alike
 from usdslf.scene.records import Scene
 

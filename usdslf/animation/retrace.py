@@ -23,11 +23,12 @@ from usdslf.elements.elements import LEAST, Elements
 from usdslf.elements.lookup import ElementLookup
 from usdslf.elements.neighbours import NEAR, NONE
 from usdslf.gpu.device import Device
-from usdslf.light_field.visibility import BLOCKED, RayTracer, Visibility, trace_bins
+from usdslf.light_field.visibility import BLOCKED, Visibility, trace_bins
+from usdslf.rays import RayTracer
 from usdslf.sampling.hemisphere import D, bin_directions
 from usdslf.scene.difference import Moved, Space
 from usdslf.scene.records import F32, Scene
-from usdslf.surfaces.surface_points import evaluate_surface, is_opaque
+from usdslf.surfaces.surface_points import evaluate_surface
 
 MOST_STRETCH = 2.0  # of the area that the elements of a side stand for, up or down, before they are placed afresh
 
@@ -112,7 +113,7 @@ def retrace(
     is_affected[_named_otherwise(before, lookup, scene, moved.meshes)] = True
     own = moved.meshes[elements.mesh]
     materials = np.unique(scene.triangles.material[moved.meshes[scene.triangles.mesh]])
-    opaque = all(is_opaque(scene.materials[m]) for m in materials)
+    opaque = all(scene.materials[m].is_opaque for m in materials)
     # What let a ray through changed its length by rounding: it is traced again where that is gone, too.
     cones = _cones((moved.after,) if opaque else (moved.after, moved.before), elements, tracer)
     bins = np.ascontiguousarray(bin_directions().T, np.float32)

@@ -30,7 +30,7 @@ from usdslf.scene.records import F32, I32, Scene
 from usdslf.surfaces.surface_points import SurfacePoints, evaluate_surface
 
 if TYPE_CHECKING:
-    from usdslf.light_field.visibility import RayTracer
+    from usdslf.rays import RayTracer
 
 MOST_PROBES = 1000  # on all that is dark: what is lit now is found where it is more than about a hundredth of that
 PROBE_ROUNDS = (1, 3)  # paths per probe

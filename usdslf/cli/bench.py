@@ -22,7 +22,8 @@ from usdslf.animation.frames import Placed, carry
 from usdslf.gallery import still_life
 from usdslf.gallery.play import Play
 from usdslf.gpu.device import Device
-from usdslf.light_field.visibility import RayTracer, outgoing_directions, trace_visibility
+from usdslf.light_field.visibility import outgoing_directions, trace_visibility
+from usdslf.rays import RayTracer
 from usdslf.sampling.hemisphere import D, bin_directions
 from usdslf.session import Session
 from usdslf.surfaces.reflectance import LEVEL_COUNT

@@ -330,9 +330,9 @@ def solve(
     mode: str | None, make_preview: bool, model: str, frame: float | None, refine: int,
 ) -> None:  # fmt: skip
     """Find the smallest material change that explains the strokes, and write it as a look layer."""
-    from usdslf.cli.text import lines_of_report
-    from usdslf.inference.solve import Options
+    from usdslf.inference.weights import Options
     from usdslf.outputs import check_place, write_json
+    from usdslf.report import lines_of_report
     from usdslf.similarity import similarity as propagate
     from usdslf.usd.stroke_layer import read_strokes
 
@@ -383,8 +383,8 @@ def stylize(
     refine: int,
 ) -> None:  # fmt: skip
     """Sharpen the look of the whole shot: unsharp masking of its light, as valid materials."""
-    from usdslf.cli.text import lines_of_report
     from usdslf.outputs import check_place, write_json
+    from usdslf.report import lines_of_report
     from usdslf.stylize.unsharp_mask import check_numbers
 
     check_numbers(amount, radius)

@@ -12,8 +12,8 @@ from pathlib import Path
 
 import usdslf
 from usdslf.errors import UsdslfError
-from usdslf.plugin_path import schema_folder
 from usdslf.sampling.hemisphere import D
+from usdslf.usd.schema import schema_folder
 
 PACKAGES = (
     "usd-core",

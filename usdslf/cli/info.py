@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from usdslf.lights.sources import lights_or_default
+from usdslf.lights.defaults import lights_or_default
 from usdslf.scene.records import Material, PrimvarInput, Scene, Texture
 
 INPUTS = (

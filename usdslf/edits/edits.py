@@ -45,6 +45,11 @@ class Reflectance:
     f0: F64  # (3,) at normal incidence
     roughness: float  # the input, not alpha
 
+    @classmethod
+    def of(cls, values: Mapping[str, NDArray]) -> Reflectance:
+        """The record of means `diffuse`, `specular` (3,) and `roughness` (1,)."""
+        return cls(values["diffuse"], values["specular"], float(values["roughness"][0]))
+
 
 @dataclass(frozen=True)
 class ByVertex:

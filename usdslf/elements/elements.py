@@ -23,7 +23,7 @@ from usdslf.scene.records import F32, I32, Scene
 from usdslf.surfaces.surface_points import SurfacePoints, evaluate_surface
 
 if TYPE_CHECKING:
-    from usdslf.light_field.visibility import RayTracer
+    from usdslf.rays import RayTracer
 
 __all__ = ["ElementLookup", "Elements", "sample_elements"]
 

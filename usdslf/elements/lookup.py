@@ -31,7 +31,7 @@ from usdslf.scene.records import F32, Scene
 if TYPE_CHECKING:
     from usdslf.elements.elements import Elements
     from usdslf.gpu.device import Device
-    from usdslf.light_field.visibility import RayTracer
+    from usdslf.rays import RayTracer
     from usdslf.scene.difference import Moved
 
 BLEND = 4  # of them are blended at a point

@@ -8,12 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from usdslf.rays import LIFT, see_each_other
 from usdslf.sampling.blue_noise import surface_coordinates
 from usdslf.scene.records import F32
 
 if TYPE_CHECKING:
     from usdslf.elements.elements import Elements
-    from usdslf.light_field.visibility import RayTracer
+    from usdslf.rays import RayTracer
 
 NONE = np.uint32(0xFFFFFFFF)
 NEAR = 8  # elements an entry names
@@ -21,7 +22,6 @@ ASKED = 10  # elements that are considered for them
 BATCH = 16384
 NORMAL_WEIGHT = 1.0  # spacings for a normal turned by one radian
 AGREES = 0.35  # least cosine between the normals of a point and its elements, where there is a choice
-LIFT = 0.2  # of their distance: how far cell and element are lifted to look at each other
 
 
 def near_elements(
@@ -66,21 +66,6 @@ def near_elements(
         same = found[rows] & (element_group[near[rows]] == group[rows, None])
         out[rows], far[rows] = _in_sight(tracer, elements, near[rows], same, position[rows], normal[rows], face[rows])
     return out, far
-
-
-def see_each_other(
-    tracer: RayTracer, position: NDArray, normal: NDArray, other: NDArray, other_normal: NDArray
-) -> NDArray[np.bool_]:
-    """Tells which pairs of near places, lifted off their surfaces, have nothing between them.
-
-    Args:
-        position, other: (n, 3) on surfaces.
-        normal, other_normal: (n, 3) unit geometric normals of their sides.
-    """
-    up = LIFT * np.linalg.norm(other - position, axis=1)[:, None]
-    start = tracer.offset_points(position + up * normal, normal)
-    seen: NDArray[np.bool_] = ~tracer.occluded(start, other + up * other_normal - start, 0.999, see_through=False)
-    return seen
 
 
 def _in_sight(

@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from usdslf.elements.neighbours import see_each_other
+from usdslf.rays import see_each_other
 from usdslf.scene.records import F64, Light, Material, Scene
 
 if TYPE_CHECKING:
-    from usdslf.light_field.visibility import RayTracer
+    from usdslf.rays import RayTracer
 
 BOUNCES = 5  # vertices of a path after its first
 PROBE_ROUNDS = (2, 6, 16)  # paths per probe; only points not yet reached go into the next round

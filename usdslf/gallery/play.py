@@ -16,21 +16,22 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from usdslf.cli.text import lines_of_report
 from usdslf.color import color_of
 from usdslf.errors import AuthorError, StrokeError
 from usdslf.gallery.records import Dabs, Entry, Picture, Shown, Step
 from usdslf.outputs import write_json, write_picture
+from usdslf.report import lines_of_report
 from usdslf.session import Session
 from usdslf.strokes.overlay import draw_strokes
-from usdslf.strokes.stroke import Stroke, paint_stroke
+from usdslf.strokes.paint import paint_stroke
+from usdslf.strokes.stroke import Stroke
 from usdslf.textures.images import write_image
 from usdslf.usd.build_stage import write_stage
 from usdslf.usd.stroke_layer import write_strokes
 
 if TYPE_CHECKING:
     from usdslf.inference.answers import Answer
-    from usdslf.inference.solve import Options
+    from usdslf.inference.weights import Options
     from usdslf.session import Say
 
 SIZE = (448, 252)

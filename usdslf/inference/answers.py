@@ -14,8 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdslf.inference.bilinear import Tables
-from usdslf.inference.evidence import Evidence, Samples, build_evidence
-from usdslf.inference.solve import Candidate
+from usdslf.inference.candidate import Candidate
+from usdslf.inference.evidence import Evidence, build_evidence
+from usdslf.inference.samples import Samples
 from usdslf.inference.varying import Varying, VaryingAnswer
 from usdslf.scene.records import Scene
 from usdslf.similarity.similarity import Places

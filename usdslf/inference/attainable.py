@@ -13,7 +13,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from usdslf.inference.bilinear import Tables
-from usdslf.inference.solve import Candidate, predicted, relative_error
+from usdslf.inference.candidate import Candidate
+from usdslf.inference.solve import predicted, relative_error
 
 HOPELESS = 0.25  # relative error of the best explanation above which the paint is looked at again
 TOO_BRIGHT = 0.9  # of what was painted is sent at most

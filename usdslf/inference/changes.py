@@ -7,7 +7,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,14 +19,13 @@ from usdslf.edits.baked_texture import Baked
 from usdslf.edits.edits import InputEdit, MaterialChange, Reflectance, material_change_to_input_edits
 from usdslf.edits.storage import carrier_of, carry, input_values
 from usdslf.inference.answers import Answer, alike_means
-from usdslf.inference.solve import Candidate
+from usdslf.inference.candidate import Candidate
 from usdslf.inference.varying import Varying, as_even
 from usdslf.light_field.light_field import LightField
 from usdslf.scene.records import Scene
 from usdslf.similarity.similarity import Places, places_at
 from usdslf.strokes.anchors import locate_stroke, painted_faces
 from usdslf.strokes.stroke import Stroke
-from usdslf.stylize.unsharp_mask import MaterialStyle
 
 SCALED_WELL = 0.02  # of a reflectance, root mean square, that scale and bias of a texture may be off
 PLACES = 2000  # that are looked at for it
@@ -66,8 +65,8 @@ def _change(answer: Answer, scene: Scene, strokes: Sequence[Stroke], mode: str) 
         scope=pool.scope,
         targets=targets,
         freed=answer.chosen.freed,
-        before=_reflectance(answer.before),
-        after=_reflectance(answer.after),
+        before=Reflectance.of(answer.before),
+        after=Reflectance.of(answer.after),
         strokes=tuple(strokes[i].path for i in pool.strokes),
         faces=faces,
         map="multiply" if answer.chosen.is_tint else "auto",
@@ -84,31 +83,13 @@ def _alike_change(
     return MaterialChange(
         material=scene.materials[material],
         scope="material",
-        targets=shown_on(scene, material),
+        targets=scene.shown_on(material),
         freed=answer.chosen.freed,
-        before=_reflectance(before),
-        after=_reflectance(after),
+        before=Reflectance.of(before),
+        after=Reflectance.of(after),
         strokes=tuple(strokes[i].path for i in answer.pool.strokes),
         map="multiply" if answer.chosen.is_tint else "auto",
     )
-
-
-def restyled(styles: Sequence[MaterialStyle], scene: Scene) -> list[MaterialChange]:
-    """Returns the changes of stylized materials: of all that show them."""
-    return [
-        MaterialChange(
-            material=scene.materials[s.material],
-            scope="material",
-            targets=shown_on(scene, s.material),
-            freed=s.freed,
-            before=_reflectance(s.before),
-            after=_reflectance(s.after),
-            residual_before=s.residual_before,
-            residual_after=s.residual_after,
-        )
-        for s in styles
-        if s.freed
-    ]
 
 
 def with_varying(
@@ -195,12 +176,3 @@ def _somewhere(scene: Scene, triangles: NDArray) -> Places:
     root, along = np.sqrt(rng.random(PLACES)), rng.random(PLACES)
     return places_at(scene, which, np.stack([root * (1 - along), root * along], 1).astype(np.float32))
 
-
-def shown_on(scene: Scene, material: int) -> tuple[str, ...]:
-    """Returns the paths of the gprims that show a material."""
-    table = scene.triangles
-    return tuple(scene.meshes[m].path for m in np.unique(table.mesh[table.material == material]))
-
-
-def _reflectance(values: Mapping[str, NDArray]) -> Reflectance:
-    return Reflectance(values["diffuse"], values["specular"], float(values["roughness"][0]))

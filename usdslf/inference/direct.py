@@ -21,19 +21,11 @@ from usdslf.errors import SolveError, StrokeError
 from usdslf.inference.answers import Answer, Painted, Pool, changed_surface, means_of, scope_rows
 from usdslf.inference.attainable import dimming, error_of, explains_nothing, seems_too_bright
 from usdslf.inference.bilinear import Tables, pool_tables
-from usdslf.inference.evidence import Evidence, Samples, evaluate_columns, gather_samples
+from usdslf.inference.candidate import Candidate, ways_of
+from usdslf.inference.evidence import Evidence, evaluate_columns
 from usdslf.inference.residuals import varying_residual
-from usdslf.inference.solve import (
-    Candidate,
-    Options,
-    bounds_of,
-    enumerate_candidates,
-    hold_energy,
-    refit,
-    relative_error,
-    ways_of,
-    whiten,
-)
+from usdslf.inference.samples import Samples, gather_samples
+from usdslf.inference.solve import bounds_of, enumerate_candidates, hold_energy, refit, relative_error, whiten
 from usdslf.inference.tools import asks_for_nothing, expected_error, wanted_radiance
 from usdslf.inference.varying import (
     VaryingAnswer,
@@ -44,6 +36,7 @@ from usdslf.inference.varying import (
     refit_varying,
     varying_answers,
 )
+from usdslf.inference.weights import Options
 from usdslf.light_field.light_field import LightField
 from usdslf.lights.sources import LightSet
 from usdslf.scene.records import Scene
@@ -53,7 +46,7 @@ from usdslf.strokes.stroke import Stroke
 from usdslf.surfaces.reflectance import gloss_levels
 
 if TYPE_CHECKING:
-    from usdslf.light_field.visibility import RayTracer
+    from usdslf.rays import RayTracer
 
 CONVERGED = 0.01  # relative change of the painted residual between rounds
 ROUNDS = 4  # n_b of the paper

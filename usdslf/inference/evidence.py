@@ -18,46 +18,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdslf.errors import StrokeError
+from usdslf.inference.samples import LOBE_ROUGHNESS, Samples, _by_sixteen
 from usdslf.light_field.light_field import LightField
-from usdslf.lights.sources import LightSet
 from usdslf.sampling.hemisphere import SOLID_ANGLE, D, bin_directions
-from usdslf.sampling.low_discrepancy import random_shifts, sobol_points
-from usdslf.scene.records import Scene
-from usdslf.strokes.anchors import locate_stroke, where_spilt
-from usdslf.strokes.stroke import Stroke, dab_rows
+from usdslf.strokes.stroke import Stroke
 from usdslf.surfaces.reflectance import gloss_levels, lobe_parameter
-from usdslf.surfaces.surface_points import SurfacePoints, evaluate_surface
+from usdslf.surfaces.surface_points import SurfacePoints
 
 if TYPE_CHECKING:
-    from usdslf.light_field.visibility import RayTracer
+    pass
 
-SAMPLES = 12  # surface points of a dab
-MOST_DABS = 128
-RAYS = 384  # of a sample
-LOBE_ROUGHNESS = (0.08, 0.22, 0.42, 0.7)
-LIGHT_RAYS = 32  # of a sample to each light
 BACKGROUND = 24  # unpainted directions of a dab
-ELSEWHERE = 96  # unpainted points of the painted materials
 SHARPEST = 0.04  # roughness; sharper lobes fall between the rays, the sharpest of which have twice that
 SHARPEST_BACKGROUND = 0.2  # roughness; sharper lobes fall between the bins
-LEAST_COSINE = 0.05  # of the eye above a surface
-
-
-@dataclass(frozen=True)
-class Samples:
-    """S surface points under a stroke, in dabs, with the rays that leave them.  K rays and light samples each."""
-
-    dab: NDArray[np.int64]  # (S,) row of the stroke's dabs; those behind the dabs are unpainted points, one sample each
-    surface: SurfacePoints
-    side: NDArray[np.int64]  # (S,) +1 where the eye is on the front of the surface, -1 behind it
-    eye: NDArray[np.float32]  # (S, 3) local, unit
-    towards_d: Any  # device (S, 3, K') local directions; K' is K filled up to a multiple of 16
-    fixed: NDArray[np.float32]  # (S, K, 3) light that no edit changes, over density, by the lights' diffuse factors
-    fixed_specular: NDArray[np.float32] | None  # by their specular factors, where these are others
-    gain: NDArray[np.float32]  # (S, K) one over the density, for what the surfaces send
-    links_d: Any  # of the S * ray_count rays
-    weights_d: Any
-    ray_count: int  # of the K, those that are rays and not light samples
 
 
 @dataclass(frozen=True)
@@ -77,206 +50,6 @@ class Evidence:
     coat: NDArray[np.float64]  # (S, 3) radiance that no parameter of ours changes: clearcoat and emission
     background_sample: NDArray[np.int64]  # (B,) the sample whose reflectance a background row has
     background: NDArray[np.float64]  # (B, J, 4, 3)
-
-
-def gather_samples(
-    stroke: Stroke, scene: Scene, tracer: RayTracer, field: LightField, lights: LightSet, warnings: list[str]
-) -> tuple[Samples, NDArray[np.int64]]:
-    """Lays the stroke's dabs and traces the rays of their samples.
-
-    Returns: the samples, and (n,) the row of the stroke of each dab.
-
-    Raises: StrokeError where no dab lies on a surface.
-    """
-    located = locate_stroke(scene, stroke, warnings)
-    warnings += where_spilt(scene, stroke, located)
-    rows = np.flatnonzero(np.isin(located.row, dab_rows(stroke)))
-    if len(rows) > MOST_DABS:
-        rows = rows[np.linspace(0, len(rows) - 1, MOST_DABS).round().astype(int)]
-    dab, triangle, barycentric = footprint(stroke, scene, tracer, located, rows)
-    used, dab = np.unique(dab, return_inverse=True)
-    stroke_row = located.row[rows[used]]
-    seen_from = stroke.eye[stroke_row][dab].astype(np.float64)
-    material = np.unique(scene.triangles.material[triangle])
-    other = _elsewhere(field, tracer, material, seen_from.mean(0))
-    order = np.argsort(dab, kind="stable")
-    dab = np.concatenate([dab[order], len(used) + np.arange(len(other))])
-    triangle = np.concatenate([triangle[order], field.elements.triangle[other]])
-    barycentric = np.concatenate([barycentric[order], field.elements.barycentric[other]])
-    seen_from = np.concatenate([seen_from[order], np.broadcast_to(seen_from.mean(0), (len(other), 3))])
-    surface = evaluate_surface(scene, triangle, barycentric)
-    return trace_samples(dab, surface, seen_from, tracer, field, lights), stroke_row
-
-
-def trace_samples(
-    dab: NDArray, surface: SurfacePoints, seen_from: NDArray, tracer: RayTracer, field: LightField, lights: LightSet,
-    thin: int = 1,
-) -> Samples:  # fmt: skip
-    """Traces the rays of samples, surface points of dabs (S,), each seen from an eye (S, 3); one ray of `thin`."""
-    eye = seen_from - surface.position
-    eye /= np.linalg.norm(eye, axis=1, keepdims=True)
-    side = np.where(np.einsum("ij,ij->i", eye, surface.geometric_normal) < 0, -1, 1)
-    flip = side[:, None].astype(np.float32)
-    normal, geometric = surface.normal * flip, surface.geometric_normal * flip
-    frames = frames_about(normal)
-    e = np.einsum("sij,sj->si", frames, eye)
-    e[:, 2] = np.maximum(e[:, 2], LEAST_COSINE)
-    e = (e / np.linalg.norm(e, axis=1, keepdims=True)).astype(np.float32)
-    origin = tracer.offset_points(surface.position, geometric, surface.triangle)
-    return _trace(e, frames, origin, surface, side, dab, tracer, field, lights, RAYS // thin, LIGHT_RAYS // thin)
-
-
-def _elsewhere(field: LightField, tracer: RayTracer, materials: NDArray, eye: NDArray) -> NDArray[np.int64]:
-    """Elements of some materials that an eye sees: where the stroke might have been and is not."""
-    e = field.elements
-    way = eye - e.position
-    mine = np.flatnonzero(np.isin(e.material, materials) & (np.einsum("ij,ij->i", way, e.geometric_normal) > 0))
-    mine = np.random.default_rng(11).permutation(mine)[: 3 * ELSEWHERE]
-    start = tracer.offset_points(e.position[mine], e.geometric_normal[mine], e.triangle[mine])
-    hidden = tracer.occluded(start, (eye - start).astype(np.float32), np.full(len(mine), 0.999, np.float32))
-    return mine[~hidden][:ELSEWHERE]
-
-
-def frames_about(normal: NDArray) -> NDArray[np.float32]:
-    """Returns frames (n, 3, 3), rows tangent, bitangent, normal.  Source: Duff et al. 2017."""
-    x, y, z = np.asarray(normal, np.float64).T
-    s = np.where(z < 0, -1.0, 1.0)
-    a = -1 / (s + z)
-    b = x * y * a
-    t = np.stack([1 + s * x * x * a, s * b, -s * x], -1)
-    u = np.stack([b, s + y * y * a, -y], -1)
-    return np.stack([t, u, normal], 1).astype(np.float32)
-
-
-def footprint(
-    stroke: Stroke, scene: Scene, tracer: RayTracer, located: Any, rows: NDArray, reach: float = 1.0,
-    count: int = SAMPLES,
-) -> tuple[NDArray, NDArray, NDArray]:  # fmt: skip
-    """`count` points a dab, spread over `reach` brushes as the painter saw them: dab (S,), triangle, barycentric."""
-    k = np.arange(count)
-    spiral = np.sqrt((k + 0.5) / count)[:, None] * np.stack([np.cos(2.39996 * k), np.sin(2.39996 * k)], -1)
-    center = located.position[rows].astype(np.float64)
-    stroke_row = located.row[rows]
-    origin = stroke.eye[stroke_row].astype(np.float64)
-    towards = center - origin
-    distance = np.linalg.norm(towards, axis=1)
-    frame = frames_about(towards / distance[:, None])
-    disk = np.einsum("kc,ncj->nkj", spiral, frame[:, :2]) * (reach * stroke.widths[stroke_row] / 2)[:, None, None]
-    aim = center[:, None] + disk - origin[:, None]
-    aim /= np.linalg.norm(aim, axis=2, keepdims=True)
-    # start close to the surface: what hangs before it when the stroke is read again does not matter
-    start = center[:, None] + disk - aim * (2 * reach * stroke.widths[stroke_row])[:, None, None]
-    hits = tracer.intersect(start.reshape(-1, 3), aim.reshape(-1, 3))
-    table = scene.triangles
-    dab = np.repeat(np.arange(len(rows)), count)
-    same = (hits.triangle >= 0) & (
-        table.mesh[np.maximum(hits.triangle, 0)] == np.repeat(table.mesh[located.triangle[rows]], count)
-    )
-    same &= (
-        table.material[np.maximum(hits.triangle, 0)] == np.repeat(table.material[located.triangle[rows]], count)
-    )
-    missing = np.setdiff1d(np.arange(len(rows)), dab[same])  # a dab smaller than the rounding: its centre
-    return (
-        np.concatenate([dab[same], missing]),
-        np.concatenate([hits.triangle[same], located.triangle[rows[missing]]]).astype(np.int32),
-        np.concatenate([hits.barycentric[same], located.barycentric[rows[missing]]]).astype(np.float32),
-    )
-
-
-def _trace(
-    eye: NDArray, frames: NDArray, origin: NDArray, surface: SurfacePoints, side: NDArray, dab: NDArray,
-    tracer: RayTracer, field: LightField, lights: LightSet, rays: int, light_rays: int,
-) -> Samples:  # fmt: skip
-    device, s = field.device, len(eye)
-    lobes = len(LOBE_ROUGHNESS)
-    counts = np.full(lobes + 1, rays // (lobes + 2))
-    counts[0] = rays - counts[1:].sum()
-    technique = np.repeat(np.arange(lobes + 1), counts).astype(np.int32)
-    rng = np.random.default_rng(7)
-    u = np.concatenate([sobol_points(0, int(c), random_shifts(s, rng)) for c in counts], 1).astype(np.float32)
-    alphas = lobe_parameter("preview_surface", LOBE_ROUGHNESS).astype(np.float32)
-    mixture = (device.upload(alphas), device.upload(counts.astype(np.float32)))
-    constants = {"LOBES": lobes, "PHONG": int(field.model == "phong")}
-    n = s * rays
-    local_d, world_d = device.empty((s, rays, 3), np.float32), device.empty((s, rays, 3), np.float32)
-    density_d = device.empty((s, rays), np.float32)
-    eye_d = device.upload(eye)
-    device.kernel("evidence", "make_rays", **constants)(
-        (_up(n),), (64,), eye_d, device.upload(frames), device.upload(u), device.upload(technique), *mixture,
-        np.uint32(rays), np.uint32(n), local_d, world_d, density_d,
-    )  # fmt: skip
-    world, density = device.download(world_d).reshape(-1, 3), device.download(density_d).reshape(-1)
-    starts = np.repeat(origin, rays, 0)
-    hits = tracer.intersect(starts, world)
-    usable = density > 0
-    inverse = np.where(usable, 1 / np.where(usable, density, 1), 0)
-    links_d, weights_d = field.link_hits(
-        np.where(usable, hits.triangle, -1), hits.barycentric.astype(np.float32), world
-    )
-    everything: list[Any] = [*lights.placed, *lights.domes]
-    is_split = any(source.diffuse != source.specular for source in everything)
-    fixed = np.zeros((2, n, 3))  # by diffuse and by specular factors
-    missed = (hits.triangle < 0) & usable
-    for dome in lights.domes:
-        p = light_rays * dome.dome.pdf(world[missed])
-        seen = dome.dome.radiance(world[missed], None) / (density[missed] + p)[:, None]
-        fixed[0, missed] += dome.diffuse * seen
-        fixed[1, missed] += dome.specular * seen
-    for placed in lights.placed:
-        if not placed.is_delta:
-            distance, radiance, pdf = placed.intersect(starts, world)
-            met = usable & (distance < np.where(hits.triangle < 0, np.inf, hits.distance) * 1.0001)
-            met |= usable & (radiance.max(1) > 0) & (hits.triangle < 0)
-            seen = radiance[met] / (density[met] + light_rays * pdf[met])[:, None]
-            fixed[0, met] += placed.diffuse * seen
-            fixed[1, met] += placed.specular * seen
-    locals_, lights_in = [device.download(local_d)], [fixed.reshape(2, s, rays, 3)]
-    for source in everything:
-        direction, light = _sample_source(
-            source, eye, frames, origin, device, mixture, constants, tracer, rng, light_rays
-        )
-        locals_.append(direction)
-        lights_in.append(np.stack([source.diffuse * light, source.specular * light]))
-    gain = inverse.reshape(s, rays)
-    all_local = np.concatenate(locals_, 1)
-    gain = np.concatenate([gain, np.zeros((s, all_local.shape[1] - rays))], 1)
-    light_d, light_s = np.concatenate(lights_in, 2).astype(np.float32)
-    return Samples(
-        dab, surface, side, eye, device.upload(_by_sixteen(all_local)), light_d, light_s if is_split else None,
-        gain.astype(np.float32), links_d, weights_d, rays,
-    )  # fmt: skip
-
-
-def _sample_source(
-    source: Any, eye: NDArray, frames: NDArray, origin: NDArray, device: Any, mixture: tuple, constants: dict,
-    tracer: RayTracer, rng: np.random.Generator, light_rays: int,
-) -> tuple[NDArray, NDArray]:  # fmt: skip
-    """Local directions (S, k, 3) towards one light and its radiance over density (S, k, 3), occlusion tested."""
-    s = len(eye)
-    k = 1 if source.is_delta else light_rays
-    u = sobol_points(0, k, random_shifts(s, rng)).reshape(-1, 2)
-    start = np.repeat(origin, k, 0)
-    arrival = source.sample(start, u.astype(np.float32))
-    local = np.einsum("sij,skj->ski", frames, arrival.direction.reshape(s, k, 3)).astype(np.float32)
-    up = local[..., 2].reshape(-1) > 0
-    density = np.zeros(s * k)
-    if not source.is_delta:
-        density_d = device.empty((s, k), np.float32)
-        device.kernel("evidence", "density_at", **constants)(
-            (_up(s * k),), (64,), device.upload(eye), device.upload(local), *mixture, np.uint32(k), np.uint32(s * k),
-            density_d,
-        )  # fmt: skip
-        density = device.download(density_d).reshape(-1).astype(np.float64)
-    shines = up & (arrival.pdf > 0) & (arrival.radiance.max(1) > 0)
-    rows = np.flatnonzero(shines)
-    blocked = tracer.occluded(start[rows], arrival.direction[rows], arrival.distance[rows] * np.float32(0.9999))
-    rows = rows[~blocked]
-    light = np.zeros((s * k, 3))
-    if source.is_delta:
-        light[rows] = arrival.radiance[rows]
-    else:
-        light[rows] = arrival.radiance[rows] / (k * arrival.pdf[rows] + density[rows])[:, None]
-    return local, light.reshape(s, k, 3)
 
 
 def build_evidence(
@@ -390,18 +163,6 @@ def mean_by(values: NDArray, group: NDArray) -> NDArray:
     out = np.zeros((int(group.max()) + 1, *values.shape[1:]))
     np.add.at(out, group, values)
     return out / np.bincount(group).reshape(-1, *[1] * (values.ndim - 1))
-
-
-def _by_sixteen(rows: NDArray) -> NDArray[np.float32]:
-    """Lays rows (R, K, 3) out as (R, 3, K') with K filled up to a multiple of 16 by zeros."""
-    r, k, _ = rows.shape
-    out = np.zeros((r, 3, -(-k // 16) * 16), np.float32)
-    out[:, :, :k] = rows.transpose(0, 2, 1)
-    return out
-
-
-def _up(n: int) -> int:
-    return max(-(-n // 64) * 64, 64)
 
 
 def require_dabs(evidence: Evidence) -> None:

@@ -16,18 +16,13 @@ from numpy.typing import NDArray
 from usdslf.errors import SolveError, StrokeError
 from usdslf.inference.answers import Alternative, Answer, Painted, Pool, means_of
 from usdslf.inference.bilinear import Tables, pool_tables
+from usdslf.inference.candidate import Candidate
 from usdslf.inference.direct import fixed_materials
 from usdslf.inference.joint_fit import Change, Fitted, fit_changes, mean_error, radiance_of
 from usdslf.inference.receivers import F64, Receiver, make_receiver, materials_in_sight, receiver_tables
-from usdslf.inference.solve import (
-    Candidate,
-    Options,
-    bounded_least_squares,
-    enumerate_candidates,
-    relative_error,
-    whiten,
-)
+from usdslf.inference.solve import bounded_least_squares, enumerate_candidates, relative_error, whiten
 from usdslf.inference.tools import asks_for_nothing, expected_error
+from usdslf.inference.weights import Options
 from usdslf.light_field.light_field import LightField, Surface
 from usdslf.scene.records import Scene
 

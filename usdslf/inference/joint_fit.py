@@ -18,8 +18,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdslf.inference.bilinear import Tables
+from usdslf.inference.candidate import Candidate, is_grey
 from usdslf.inference.receivers import F64, Receiver, carried, present_radiance, rows_in_sight
-from usdslf.inference.solve import Candidate, Options, bounded_least_squares, is_grey, whiten
+from usdslf.inference.solve import bounded_least_squares, whiten
+from usdslf.inference.weights import Options
 from usdslf.light_field.light_field import LightField, Surface
 from usdslf.surfaces.reflectance import column_weights
 

@@ -14,127 +14,19 @@ Source: Nguyen et al. 2013, 5.3 (Eqs. 3 to 6), pooled over the stroke; Schwarz 1
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from usdslf.errors import InputError
 from usdslf.inference.bilinear import Tables
+from usdslf.inference.candidate import GROUPS, Candidate, ways_of
+from usdslf.inference.weights import Options
 from usdslf.scene.records import F64
 
-GROUPS = ("diffuse", "specular", "glossiness")
 TRUST = (0.5, 0.25, 0.15, 0.1, 0.07, 0.05)  # relative error of a dab at which it has half its weight, round by round
 FEWEST_HEARD = 4  # dabs; fewer count as many
 COLOR_GAIN = 4.0  # misfit for which a grey metal becomes coloured
-POSITIVE = ("dab_error", "drift_length", "tail", "outlier", "visible")  # weights that are divided by
 ROUNDS = 4  # of Gauss and Newton, for the bilinear candidates
-
-
-@dataclass(frozen=True)
-class Options:
-    """Weights of the choice; errors are relative to the painted radiance."""
-
-    norm: str = "mixed"  # l2 | l0 | mixed
-    dab_error: float = 0.06  # of each dab and channel, the light field's error included
-    drift_error: float = 0.10  # of brightness, over the stroke
-    drift_length: float = 0.5  # of the stroke's extent
-    tint_error: float = 0.05  # of each channel
-    flat_error: float = 30.0  # of each dab and channel, where one colour was painted on everything; its mean stays
-    freedom: float = 3.0  # cost of a degree of freedom
-    group: float = 16.0  # cost of a second and third parameter
-    background: float = 0.05  # per dab, for unpainted directions that change by their own radiance
-    kind: float = 6.0  # cost of a diffuse metal or of a coloured dielectric
-    tail: float = 2.0  # misfit per dab beyond which it counts by its logarithm
-    outlier: float = 20.0  # misfit of a single dab beyond which it counts by its logarithm
-    place: float = 0.15  # per dab, for the change being where the stroke is
-    nothing: float = 5.0  # cost of no change where what was painted is not there yet
-    visible: float = 0.05  # relative change that is seen
-    variation: float = 30.0  # cost of a change that varies over the surface
-    factors: tuple[float, float, float] | None = None  # of the misfit by freed parameters, in place of all costs
-
-    @staticmethod
-    def of(weights: Mapping[str, float] | tuple[float, ...]) -> Options:
-        """Returns options with other weights: three factors as in the paper (1, 5, 25), or costs by their names.
-
-        Raises: InputError for a weight that is unknown or not finite and positive, or another number of factors.
-        """
-        values = weights.values() if isinstance(weights, Mapping) else weights
-        if not all(math.isfinite(v) and v >= 0 for v in values):
-            raise InputError(f"weights {', '.join(f'{v:g}' for v in values)}: each must be finite and not negative")
-        if isinstance(weights, Mapping):
-            known = [f.name for f in fields(Options) if f.name not in ("norm", "factors")]
-            unknown = [name for name in weights if name not in known]
-            if unknown:
-                raise InputError(f"there is no weight '{unknown[0]}'; choose from {', '.join(known)}")
-            if any(v == 0 for k, v in weights.items() if k in POSITIVE):
-                raise InputError(f"the weights {', '.join(POSITIVE)} must be above zero")
-            return replace(Options(), **weights)  # type: ignore[arg-type]
-        if len(weights) != 3 or min(weights) <= 0:
-            raise InputError("give three factors above zero, for one, two and three freed parameters, say 1,5,25")
-        return replace(Options(), factors=(weights[0], weights[1], weights[2]))
-
-    def in_words(self) -> str:
-        """Returns what differs from the default, for provenance; "" where nothing does."""
-        if self.factors is not None:
-            return "factors " + ", ".join(f"{v:g}" for v in self.factors)
-        other = {f.name: getattr(self, f.name) for f in fields(self) if getattr(self, f.name) != f.default}
-        return ", ".join(f"{k} {v if isinstance(v, str) else format(v, 'g')}" for k, v in other.items())
-
-
-@dataclass(frozen=True)
-class Candidate:
-    """One explanation: a change of some parameters, and what it costs."""
-
-    freed: tuple[str, ...]
-    delta_diffuse: F64 = field(default_factory=lambda: np.zeros(3))
-    delta_f0: F64 = field(default_factory=lambda: np.zeros(3))
-    roughness_shift: float = 0.0
-    is_tint: bool = False  # the delta of the diffuse colour, else of the specular one, is a factor less one
-    level: int = -1
-    misfit: float = 0.0
-    freedoms: int = 0
-    cost: float = 0.0
-    is_metallic: bool = False  # a dielectric becomes a metal: no diffuse reflection, F90 follows F0
-
-    @property
-    def id(self) -> str:
-        """Name in reports: the freed parameters joined by '+', or 'none'."""
-        return "+".join(self.freed) or "none"
-
-    def diffuse_of(self, d: NDArray) -> NDArray:
-        """Applies the change to diffuse colours (..., 3)."""
-        changed = d * (1 + self.delta_diffuse) if self.is_tint else d + self.delta_diffuse
-        return np.clip(changed, 0, 1) if "diffuse" in self.freed else d
-
-    def f0_of(self, f0: NDArray) -> NDArray:
-        """Applies the change to specular colours (..., 3)."""
-        changed = f0 * (1 + self.delta_f0) if self.is_tint_f0 else f0 + self.delta_f0
-        return np.clip(changed, 0, 1) if "specular" in self.freed else f0
-
-    def delta_of(self, parameter: str) -> F64:
-        """Returns the change (3,) of diffuse or specular, of glossiness (1,) the shift of roughness."""
-        shift = np.array([self.roughness_shift])
-        return {"diffuse": self.delta_diffuse, "specular": self.delta_f0, "glossiness": shift}[parameter]
-
-    @property
-    def is_tint_f0(self) -> bool:
-        """Whether delta_f0 is a factor less one."""
-        return self.is_tint and "diffuse" not in self.freed
-
-    def as_terms(self, t: Tables) -> Candidate:
-        """Returns the change with terms for factors, as they are for the mean colours."""
-        if not self.is_tint:
-            return self
-        if self.is_tint_f0:
-            return replace(self, delta_f0=self.delta_f0 * t.f0, is_tint=False)
-        return replace(self, delta_diffuse=self.delta_diffuse * t.diffuse, is_tint=False)
-
-    def roughness_of(self, r: NDArray) -> NDArray:
-        """Applies the change to roughness."""
-        return np.clip(r + self.roughness_shift, 0.001, 1) if "glossiness" in self.freed else r
 
 
 def whiten(t: Tables, o: Options) -> F64:
@@ -170,18 +62,6 @@ def enumerate_candidates(t: Tables, o: Options | None = None, groups: tuple[str,
     found = [fit(t, o, white, c.level, *ways_of(c), True) for c in best.values()]
     found.sort(key=lambda c: c.cost)
     return [c for i, c in enumerate(found) if c.id not in {other.id for other in found[:i]}]
-
-
-def ways_of(c: Candidate) -> tuple[str, str, bool]:
-    """Returns how a candidate was fitted: `diffuse`, `specular` and `free_gloss` of `fit`."""
-    specular = "" if "specular" not in c.freed else "grey" if is_grey(c) else "color"
-    return "color" if "diffuse" in c.freed else "", specular, "glossiness" in c.freed
-
-
-def is_grey(c: Candidate) -> bool:
-    """Whether the channels of a specular change have one value."""
-    of_diffuse = 3 * ("diffuse" in c.freed and not c.is_metallic)
-    return "specular" in c.freed and c.freedoms - of_diffuse - ("glossiness" in c.freed) == 1
 
 
 def _choices(allowed: bool, ways: tuple[str, ...]) -> tuple[str, ...]:

@@ -35,17 +35,11 @@ from numpy.typing import ArrayLike, NDArray
 from usdslf.errors import StrokeError
 from usdslf.geometry.closest_point import nearest_on_triangles
 from usdslf.inference.bilinear import bilinear
-from usdslf.inference.evidence import (
-    Samples,
-    evaluate_columns,
-    footprint,
-    frames_about,
-    mean_by,
-    trace_samples,
-    unchanging_radiance,
-)
+from usdslf.inference.evidence import evaluate_columns, mean_by, unchanging_radiance
+from usdslf.inference.samples import Samples, footprint, trace_samples
 from usdslf.light_field.light_field import LightField
 from usdslf.lights.sources import LightSet
+from usdslf.sampling.frames import frames_about
 from usdslf.sampling.low_discrepancy import random_shifts, sobol_points
 from usdslf.scene.cameras import camera_rays
 from usdslf.scene.records import F64, Camera, Scene
@@ -54,7 +48,7 @@ from usdslf.strokes.stroke import Stroke
 from usdslf.surfaces.surface_points import evaluate_surface
 
 if TYPE_CHECKING:
-    from usdslf.light_field.visibility import RayTracer
+    from usdslf.rays import RayTracer
 
 BLUR_REACH = 1.25  # brush radii over the surface
 BLUR_ANGLE = 0.08  # radians over directions

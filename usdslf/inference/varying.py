@@ -24,8 +24,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from usdslf.inference.bilinear import Tables
+from usdslf.inference.candidate import Candidate
 from usdslf.inference.evidence import Evidence, mean_by
-from usdslf.inference.solve import Candidate, Options, refit, relative_error, score
+from usdslf.inference.solve import refit, relative_error, score
+from usdslf.inference.weights import Options
 from usdslf.scene.records import F64
 from usdslf.similarity.similarity import Places, Weights, blocks, reach_of, shares
 

@@ -14,10 +14,10 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from usdslf.light_field.visibility import ESCAPES, RayTracer, Visibility, thread_count
-from usdslf.lights import shapes
+from usdslf.light_field.visibility import ESCAPES, Visibility
 from usdslf.lights.dome import Dome, Peaks, table_index
 from usdslf.lights.sampling import LightHit, LightSample, intersect_light, is_delta, sample_light
+from usdslf.rays import RayTracer, thread_count
 from usdslf.sampling.hemisphere import (
     SIDE,
     SOLID_ANGLE,
@@ -27,21 +27,10 @@ from usdslf.sampling.hemisphere import (
     square_from_hemisphere,
 )
 from usdslf.sampling.low_discrepancy import random_shifts, sobol_points
-from usdslf.scene.records import F32, Light, Scene
+from usdslf.scene.records import F32, Light
 
 if TYPE_CHECKING:
     from usdslf.elements.elements import Elements
-
-__all__ = [
-    "LightHit",
-    "LightSample",
-    "StaticLight",
-    "default_lights",
-    "intersect_light",
-    "is_delta",
-    "sample_light",
-    "static_light",
-]
 
 FEW, MANY = 16, 64  # samples of a light for each element
 LARGE = 0.05  # solid angle [sr], about 8 bins, above which a light gets MANY samples
@@ -308,37 +297,3 @@ def _binned(row: NDArray, square: F32, share: F32, spread: NDArray) -> tuple[NDA
 
 
 # ── a stage without light ────────────────────────────────────────────────────────────────────────
-
-KEY_IRRADIANCE = 2.0  # of the default key light on a surface that faces it
-KEY_ANGLE = np.radians(4.0)
-DOME_RADIANCE = 0.35
-
-
-def default_lights(scene: Scene) -> tuple[tuple[Light, ...], str]:
-    """Returns the light of a stage that has none, and a sentence that says so.
-
-    A distant key from over the left shoulder of the first camera, 35 degrees above its view, and a white
-    dome: together a white diffuse surface that faces the key has a radiance of about 1.
-    """
-    up = np.array([0.0, 0, 1]) if scene.up_axis == "Z" else np.array([0.0, 1, 0])
-    back = np.array([0.0, -1, 0]) if scene.up_axis == "Z" else np.array([0.0, 0, 1])
-    seen_from = "a viewer in front"
-    if scene.cameras:
-        camera = np.asarray(scene.cameras[0].world_from_camera, np.float64)
-        up, back = camera[:3, 1], camera[:3, 2]
-        seen_from = scene.cameras[0].path or "the camera"
-    left = np.cross(back, up)
-    lift, turn = np.radians(35.0), np.radians(30.0)
-    towards = np.cos(lift) * (np.cos(turn) * back + np.sin(turn) * left) + np.sin(lift) * up
-    towards /= np.linalg.norm(towards)
-    key_frame = np.eye(4)
-    key_frame[:3, 2] = towards
-    s, t = shapes.frame_of(towards[:, None])
-    key_frame[:3, 0], key_frame[:3, 1] = s[:, 0], t[:, 0]
-    level = KEY_IRRADIANCE / (np.pi * np.sin(KEY_ANGLE / 2) ** 2)
-    key = Light("", "distant", (level,) * 3, key_frame, angle=KEY_ANGLE)
-    dome = Light("", "dome", (DOME_RADIANCE,) * 3, np.eye(4))
-    return (key, dome), (
-        f"the stage has no light: it is lit by a distant key of irradiance {KEY_IRRADIANCE:g} over the left "
-        f"shoulder of {seen_from} and a white dome of radiance {DOME_RADIANCE:g}"
-    )

@@ -1,31 +1,21 @@
-"""Visibility: what rays hit, and the operator G, which names what each element sees in each of its bins.
+"""Visibility: the operator G, which names what each element sees in each of its bins.
 
 Rays are traced by Embree on all processors, and the device looks up the elements that they hit meanwhile.
-
-This is the only module that imports embreex.  Facts about `EmbreeScene.run` that it relies on: the
-first run builds the tree; it releases the GIL; `dists` limits the distance (and is overwritten); an
-OCCLUDED query returns 0 where something is in the way and -1 where not, and is to be asked without
-`output`; barycentric (u, v) means (1 - u - v) P0 + u P1 + v P2.
 """
 
 from __future__ import annotations
 
-import os
-from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from time import perf_counter
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING
 
 import numpy as np
-from embreex.mesh_construction import TriangleMesh
-from embreex.rtcore_scene import EmbreeScene
 from numpy.typing import NDArray
 
+from usdslf.rays import LEAST_COSINE, RayTracer
 from usdslf.sampling.hemisphere import D, bin_directions
-from usdslf.scene.records import F32, I32, Scene
-from usdslf.surfaces.surface_points import evaluate_opacity, is_opaque
+from usdslf.scene.records import F32
 
 if TYPE_CHECKING:
     from usdslf.elements.elements import Elements
@@ -34,206 +24,10 @@ if TYPE_CHECKING:
 
 ESCAPES = np.uint32(0xFFFFFFFF)  # nothing is hit
 BLOCKED = np.uint32(0xFFFFFFFE)  # a side is hit that no light reaches
-LEAST_COSINE = 0.005  # rays that a shading normal sends below the surface leave it at this angle
 BATCH = 64  # elements whose rays are traced and looked up at once
-FAR = np.float32(1e37)  # Embree's "no limit"
-CHUNK = 16384  # rays of one run: their records stay in the second-level cache
-MAX_LAYERS = 32  # see-through surfaces that a ray may pass
-ULPS = 16.0  # offset of ray origins, in units of the last place of the coordinates
 
-Work = TypeVar("Work")
-Opacity = Callable[[I32, F32], F32]
-"""triangle (n,), barycentric (n, 2) -> opacity (n,)."""
 Wanted = Callable[[slice], NDArray]
 """rows of elements -> which of their bins (n, D)."""
-
-
-@dataclass(frozen=True)
-class Hits:
-    """First surfaces met by n rays."""
-
-    triangle: I32  # (n,) into Scene.triangles, -1 where nothing was hit
-    barycentric: F32  # (n, 2)
-    distance: F32  # (n,) in lengths of the direction; inf where nothing was hit
-
-
-def thread_count() -> int:
-    """Returns how many processors this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return max(1, len(os.sched_getaffinity(0)))
-    return os.cpu_count() or 1
-
-
-class RayTracer:
-    """Traces rays against all triangles of a scene.
-
-    Surfaces that can be seen through are passed by tracing again from behind them: cut-outs
-    (opacityThreshold > 0) where the opacity at the hit is below the threshold, others with the
-    probability 1 - opacity, decided by a hash of ray and triangle, so that the same ray always
-    gives the same answer and an average over rays the right mixture.
-    """
-
-    def __init__(self, scene: Scene, opacity: Opacity | None = None, threads: int | None = None) -> None:
-        """Builds the tree.
-
-        Args:
-            scene: whose triangles are traced.
-            opacity: opacity at points; None: the materials', from `surface.evaluate_opacity`.
-            threads: None: as many as there are processors.
-        """
-        self.scene = scene
-        self.threads = threads or thread_count()
-        triangles = scene.triangles
-        corners = np.ascontiguousarray(triangles.positions, np.float32)
-        # NaN and infinite corners would poison the bounds of the tree: collapse those triangles.
-        finite = np.isfinite(corners).reshape(-1, 9).all(1)
-        corners = np.where(finite.reshape(-1, 1, 1), corners, np.float32(0))
-        self._extent = np.abs(corners).max((1, 2)) if len(corners) else np.zeros(0, np.float32)
-        self._usual_extent = float(np.quantile(self._extent, 0.99)) if len(corners) else 0.0
-        self._embree = EmbreeScene()
-        if len(corners):
-            index = np.arange(3 * len(corners), dtype=np.int32).reshape(-1, 3)
-            TriangleMesh(self._embree, corners.reshape(-1, 3), index)
-        self._embree.run(np.zeros((1, 3), np.float32), np.ones((1, 3), np.float32))
-        self._pool = ThreadPoolExecutor(self.threads, thread_name_prefix="usdslf-rays")
-
-        clear = np.fromiter((not is_opaque(m) for m in scene.materials), bool)
-        self._threshold = np.array([m.opacity_threshold for m in scene.materials], np.float32)
-        self._clear = clear[triangles.material] if np.any(clear) else None
-        self._opacity = opacity or self._material_opacity
-
-    def intersect(self, origins: NDArray, directions: NDArray, stop_at_veils: bool = False) -> Hits:
-        """Finds the first surface along each ray.
-
-        Args:
-            origins: (n, 3), moved off the surface they lie on by `offset_points`.
-            directions: (n, 3); unit vectors make distances stage units.
-            stop_at_veils: surfaces with an opacity below one are hit as well, for callers that blend them
-                exactly; only cut-outs are passed.
-        """
-        o, d = _rays(origins, directions)
-        n = len(o)
-        hits = Hits(np.empty(n, np.int32), np.empty((n, 2), np.float32), np.empty(n, np.float32))
-        self._run_chunks(n, lambda rows: self._intersect_into(o[rows], d[rows], hits, rows))
-        if self._clear is not None:
-            self._pass_through(o, d, hits, stop_at_veils)
-        return hits
-
-    def occluded(
-        self,
-        origins: NDArray,
-        directions: NDArray,
-        distance: NDArray | float = np.inf,
-        see_through: bool = True,
-    ) -> NDArray:
-        """Tells which rays (n,) meet a surface within `distance` (scalar or (n,), in direction lengths)."""
-        o, d = _rays(origins, directions)
-        n = len(o)
-        limit = np.minimum(np.broadcast_to(np.asarray(distance, np.float32), n), FAR)
-        if self._clear is None or not see_through:
-            blocked = np.empty(n, bool)
-
-            def run(rows: slice) -> None:
-                found = self._embree.run(o[rows], d[rows], dists=limit[rows].copy(), query="OCCLUDED")
-                blocked[rows] = found == 0
-
-            self._run_chunks(n, run)
-            return blocked & (limit > 0)
-        hits = self.intersect(o, d)
-        return (hits.triangle >= 0) & (hits.distance < limit)
-
-    def intersect_columns(self, origins: F32, directions: F32) -> tuple[NDArray, ...]:
-        """Does what `intersect` does on the calling thread alone, for callers that share out the work.
-
-        Returns: triangle, u, v, distance, each (n,); the distance of a miss is any large number.
-        """
-        found = self._embree.run(origins, directions, output=True)
-        triangle, u, v, distance = (found[name] for name in ("primID", "u", "v", "tfar"))
-        if self._clear is None:
-            return triangle, u, v, distance
-        hits = Hits(triangle, np.stack([u, v], 1), distance)
-        self._pass_through(origins, directions, hits)
-        return triangle, *(np.ascontiguousarray(x) for x in hits.barycentric.T), distance
-
-    def map_ahead(self, work: Callable[[int], Work], items: Iterable[int]) -> Iterator[tuple[int, Work]]:
-        """Yields (item, work(item)) in order, working on some items ahead on all threads."""
-        waiting: deque[tuple[int, Future[Work]]] = deque()
-        for item in items:
-            waiting.append((item, self._pool.submit(work, item)))
-            if len(waiting) > 2 * self.threads:
-                first, result = waiting.popleft()
-                yield first, result.result()
-        for first, result in waiting:
-            yield first, result.result()
-
-    def offset_points(
-        self, points: NDArray, geometric_normals: NDArray, triangle: NDArray | None = None
-    ) -> NDArray[np.float32]:
-        """Moves points off their surface, so that rays do not hit the surface they start from.
-
-        The error of a point and of its intersection is some units of the last place of the largest
-        coordinate of its triangle, so the step is that many, whatever the size of the scene and its
-        distance from the origin.
-
-        Args:
-            points: (n, 3) on surfaces.
-            geometric_normals: (n, 3) unit, on the side to move to.
-            triangle: (n,) that the points lie on; without it a bound that nearly all triangles keep is used.
-        """
-        p = np.asarray(points, np.float64)
-        extent = np.abs(p).max(-1, initial=0.0)
-        if triangle is None:
-            extent = np.maximum(extent, self._usual_extent)
-        else:
-            extent = np.maximum(extent, self._extent[np.asarray(triangle)])
-        step = ULPS * np.finfo(np.float32).eps * extent
-        return (p + step[..., None] * np.asarray(geometric_normals, np.float64)).astype(np.float32)
-
-    def _run_chunks(self, n: int, run: Callable[[slice], None]) -> None:
-        slices = [slice(a, min(a + CHUNK, n)) for a in range(0, n, CHUNK)]
-        if len(slices) < 2 or self.threads == 1:
-            for rows in slices:
-                run(rows)
-        else:
-            for _ in self._pool.map(run, slices):
-                pass
-
-    def _intersect_into(self, o: F32, d: F32, hits: Hits, rows: slice | NDArray) -> None:
-        found = self._embree.run(o, d, output=True)
-        triangle = found["primID"]
-        hits.triangle[rows] = triangle
-        hits.barycentric[rows, 0] = found["u"]
-        hits.barycentric[rows, 1] = found["v"]
-        hits.distance[rows] = np.where(triangle >= 0, found["tfar"], np.float32(np.inf))
-
-    def _pass_through(self, o: F32, d: F32, hits: Hits, stop_at_veils: bool = False) -> None:
-        """Moves hits on what a ray passes through to the surfaces behind, in at most MAX_LAYERS rounds."""
-        assert self._clear is not None
-        rays = np.flatnonzero((hits.triangle >= 0) & self._clear[hits.triangle])
-        for _ in range(MAX_LAYERS):
-            rays = rays[self._lets_through(o[rays], d[rays], hits, rays, stop_at_veils)]
-            if not len(rays):
-                return
-            triangle, travelled = hits.triangle[rays], hits.distance[rays]
-            t = self.scene.triangles
-            normal = t.face_normals[triangle]
-            ahead = np.where((normal * d[rays]).sum(1, keepdims=True) < 0, -normal, normal)
-            met = points_at(t.positions, triangle, hits.barycentric[rays])
-            start = self.offset_points(met, ahead, triangle)
-            self._intersect_into(start, d[rays], hits, rays)
-            hits.distance[rays] += travelled
-            again = (hits.triangle[rays] >= 0) & self._clear[hits.triangle[rays]]
-            rays = rays[again]
-
-    def _lets_through(self, o: F32, d: F32, hits: Hits, rays: NDArray, stop_at_veils: bool) -> NDArray:
-        triangle = hits.triangle[rays]
-        opacity = self._opacity(triangle, hits.barycentric[rays])
-        threshold = self._threshold[self.scene.triangles.material[triangle]]
-        chance = np.float32(-1) if stop_at_veils else _hash_unit(o, d, triangle)
-        return np.where(threshold > 0, opacity < threshold, chance >= opacity)
-
-    def _material_opacity(self, triangle: I32, barycentric: F32) -> F32:
-        return evaluate_opacity(self.scene, triangle, barycentric)[0]
 
 
 @dataclass(frozen=True)
@@ -353,28 +147,3 @@ def outgoing_directions(elements: Elements, bins: F32, rows: slice) -> F32:
         direction[low] = lifted / np.linalg.norm(lifted, axis=1, keepdims=True)
     return direction
 
-
-def points_at(corners: NDArray, triangle: NDArray, barycentric: NDArray) -> NDArray:
-    """Interpolates corner values (T, 3, k) at points (n,), (n, 2) in float64: (n, k)."""
-    c = corners[triangle].astype(np.float64)
-    u, v = barycentric[:, 0:1].astype(np.float64), barycentric[:, 1:2].astype(np.float64)
-    return c[:, 0] + u * (c[:, 1] - c[:, 0]) + v * (c[:, 2] - c[:, 0])
-
-
-def _rays(origins: NDArray, directions: NDArray) -> tuple[F32, F32]:
-    d = np.ascontiguousarray(np.asarray(directions).reshape(-1, 3), np.float32)
-    o = np.ascontiguousarray(np.broadcast_to(np.asarray(origins, np.float32), d.shape))
-    return o, d
-
-
-def _hash_unit(o: F32, d: F32, triangle: I32) -> NDArray[np.float32]:
-    """A number in [0, 1) for each ray and triangle: their bits, mixed as in PCG's output function.
-
-    Source: Jarzynski and Olano 2020, Hash Functions for GPU Rendering.
-    """
-    h = triangle.astype(np.uint32) * np.uint32(0x9E3779B9)
-    for column in (*o.view(np.uint32).T, *d.view(np.uint32).T):
-        state = (h ^ column) * np.uint32(747796405) + np.uint32(2891336453)
-        word = ((state >> ((state >> np.uint32(28)) + np.uint32(4))) ^ state) * np.uint32(277803737)
-        h = (word >> np.uint32(22)) ^ word
-    return (h >> np.uint32(8)).astype(np.float32) * np.float32(2.0**-24)

@@ -14,12 +14,11 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from usdslf.light_field.static_light import default_lights, intersect_light, is_delta, sample_light
+from usdslf.color import luminance
 from usdslf.lights.dome import Dome
+from usdslf.lights.sampling import intersect_light, is_delta, sample_light
 from usdslf.scene.records import F32, I32, Light, Scene
 from usdslf.surfaces.surface_points import evaluate_surface
-
-LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
 
 Emission = Callable[[I32, F32], F32]
 """triangle (n,), barycentric (n, 2) -> emitted radiance (n, 3)."""
@@ -50,11 +49,6 @@ class Source(Protocol):
     def importance(self, points: F32) -> NDArray[np.float32]:
         """A rough guess (n,) of the irradiance it brings, nothing in the way."""
         ...
-
-
-def luminance(color: NDArray) -> NDArray[np.float32]:
-    """Returns the luminance of (..., 3) linear colours."""
-    return np.asarray(color, np.float32) @ LUMINANCE
 
 
 def brightest(color: NDArray) -> NDArray:
@@ -286,16 +280,6 @@ class LightSet:
         even = worth / np.float32(max(worth.sum(), 1))
         share = np.where(total > 0, guess / np.where(total > 0, total, 1), even)
         return (0.8 * share + 0.2 * even).astype(np.float32)
-
-
-def lights_or_default(scene: Scene) -> tuple[tuple[Light, ...], str]:
-    """Returns the lights of a scene and no words; where nothing shines, the default ones and a sentence about them.
-
-    A surface shines if something of it does: an emission texture that is black, or missing, is no light.
-    """
-    if scene.lights or len(EmissiveSurfaces(scene, SurfaceEmission(scene)).triangle):
-        return scene.lights, ""
-    return default_lights(scene)
 
 
 def light_area(light: Light) -> float:

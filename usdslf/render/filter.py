@@ -17,8 +17,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from usdslf.color import luminance
 from usdslf.gpu.device import Device
-from usdslf.lights.sources import dot, luminance
+from usdslf.lights.sources import dot
 from usdslf.render.lobes import ShadingPoints, reflect
 from usdslf.scene.records import F32
 

@@ -18,9 +18,10 @@ from typing import Protocol, cast
 import numpy as np
 from numpy.typing import NDArray
 
+from usdslf.color import luminance
 from usdslf.gpu.device import Device
-from usdslf.light_field.visibility import Hits, RayTracer
-from usdslf.lights.sources import Arrival, LightSet, Source, brightest, dot, luminance
+from usdslf.lights.sources import Arrival, LightSet, Source, brightest, dot
+from usdslf.rays import Hits, RayTracer
 from usdslf.render.guide import GuidingField, LightGuide
 from usdslf.render.lobes import COLUMNS, Lobes, ShadingPoints, reflect, shading_points
 from usdslf.render.wide_field import NearField, WideField

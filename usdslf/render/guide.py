@@ -15,9 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from usdslf.color import luminance
 from usdslf.gpu.device import Device
-from usdslf.light_field.visibility import thread_count
-from usdslf.lights.sources import LightSet, luminance
+from usdslf.lights.sources import LightSet
+from usdslf.rays import thread_count
 from usdslf.sampling.blue_noise import surface_coordinates
 from usdslf.sampling.hemisphere import SIDE, D, bin_directions
 from usdslf.scene.records import F32, I32

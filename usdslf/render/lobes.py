@@ -13,9 +13,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from usdslf.color import luminance
 from usdslf.gpu.device import Device
-from usdslf.light_field.visibility import RayTracer
-from usdslf.lights.sources import dot, luminance
+from usdslf.lights.sources import dot
+from usdslf.rays import RayTracer
 from usdslf.render.guide import SHARE, LightGuide
 from usdslf.scene.records import F32, I32
 from usdslf.surfaces.surface_points import SurfacePoints

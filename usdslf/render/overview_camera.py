@@ -9,8 +9,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from usdslf.light_field.visibility import RayTracer
 from usdslf.lights.sources import EmissiveSurfaces, SurfaceEmission
+from usdslf.rays import RayTracer
 from usdslf.scene.records import F64, Camera, Scene
 
 APERTURE = 36.0, 20.25  # 16 : 9, as pictures are by default

@@ -20,8 +20,8 @@ from numpy.typing import NDArray
 
 from usdslf.errors import InputError
 from usdslf.gpu.device import Device
-from usdslf.light_field.visibility import RayTracer
 from usdslf.lights.sources import LightSet, brightest
+from usdslf.rays import RayTracer
 from usdslf.render.filter import NEAR_TILE, TILE, LightFilter
 from usdslf.render.gather import FOOTPRINT, MAX_DEPTH, Gatherer, RadianceOfHits
 from usdslf.render.lobes import ShadingPoints, reflect, shading_points

@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdslf.scene.records import F64, Material, Scene
-from usdslf.surfaces.surface_points import is_opaque
 
 GROUPS = 16  # and three more at most
 WORTH = 0.75  # share of its solid angle that the quarters of a group may have, to be groups
@@ -62,7 +61,7 @@ def why_not_comparable(before: Scene, after: Scene) -> str:
             return f"cuts {a.path} into other triangles"
         if not np.array_equal(a.material_of_triangle, b.material_of_triangle):
             return f"shows {a.path} in another material"
-        seen_through = any(not is_opaque(after.materials[m]) for m in np.unique(b.material_of_triangle))
+        seen_through = any(not after.materials[m].is_opaque for m in np.unique(b.material_of_triangle))
         if seen_through and not look_alike((a.uvs, a.primvars), (b.uvs, b.primvars)):
             return f"shifts what {a.path} is seen through by"
     return ""

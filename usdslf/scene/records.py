@@ -86,6 +86,12 @@ class Material:
     shader: str = ""  # path of the UsdPreviewSurface shader
     why_not_editable: str = ""
 
+    @property
+    def is_opaque(self) -> bool:
+        """Whether nothing can be seen through it anywhere."""
+        value = self.opacity
+        return isinstance(value, np.ndarray) and float(value[0]) >= max(1.0, self.opacity_threshold)
+
 
 @dataclass(frozen=True)
 class Mesh:
@@ -208,6 +214,11 @@ class Scene:
             face=cat([m.face_of_triangle for m in ms], (0,), np.int32),
             first_of_mesh=np.concatenate([[0], np.cumsum(count)]).astype(np.int32),
         )
+
+    def shown_on(self, material: int) -> tuple[str, ...]:
+        """Returns the paths of the gprims that show a material, by its index."""
+        table = self.triangles
+        return tuple(self.meshes[m].path for m in np.unique(table.mesh[table.material == material]))
 
     def corner_uvs(self, name: str) -> F32:
         """Texture coordinates (T, 3, 2) of all triangles; nan where a mesh has no such set."""

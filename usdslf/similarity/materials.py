@@ -23,7 +23,7 @@ from usdslf.strokes.anchors import locate_stroke
 from usdslf.strokes.stroke import Stroke, dab_rows
 
 if TYPE_CHECKING:
-    from usdslf.light_field.visibility import RayTracer
+    from usdslf.rays import RayTracer
 
 OF_MATERIALS = Weights(position=0.25, normal=0.25, reflectance=2.0)  # another object of the same paint is alike
 MOST, ALL, SOME = 0.5, 0.95, 0.02  # of a material's area that is similar enough: for all of it or parts to change

@@ -12,28 +12,23 @@ picture's height.  In the world the brush is a ball of that size at the depth of
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from usdslf.errors import StrokeError
-from usdslf.scene.cameras import camera_rays, film_aspect, project_points
-from usdslf.scene.records import F32, F64, I32, Camera, Scene
-from usdslf.strokes.anchors import points_on_triangles, turned_towards, unit
+from usdslf.scene.records import F32, I32
 
 if TYPE_CHECKING:
-    from usdslf.light_field.visibility import RayTracer
+    pass
 
 TOOLS = ("replace", "clone", "brighten", "darken", "blur", "sharpen", "fixate")
 MODES = ("direct", "indirect")
 SPACES = ("scene", "reflectance")
 NORMS = ("l2", "l0", "mixed")
 SCOPES = ("stroke", "prim", "material", "similar")
-SPACING = 0.5  # of the brush radius, between neighbouring points of a painted curve
-GAP = 3.0  # a step that is this many times the expected one is a jump to another surface: the pen is lifted
 
 
 @dataclass(frozen=True)
@@ -128,162 +123,8 @@ def dab_rows(stroke: Stroke) -> NDArray[np.int64]:
     return np.setdiff1d(np.arange(len(stroke.points)), twin)
 
 
-def paint_stroke(
-    scene: Scene,
-    tracer: RayTracer,
-    camera: Camera,
-    paths: Sequence[ArrayLike],
-    radius: float,
-    color: ArrayLike = (1.0, 1.0, 1.0),
-    image: NDArray | None = None,
-    *,
-    aspect: float | None = None,
-    name: str = "stroke_0001",
-    tool: str = "replace",
-    mode: str = "direct",
-    strength: float = 1.0,
-    space: str = "scene",
-    norm: str = "mixed",
-    scope: str = "material",
-    choice: str = "",
-    clone_offset: tuple[float, float, float] = (0.0, 0.0, 0.0),
-    spacing: float = SPACING,
-) -> Stroke:
-    """Lays the brush along paths of a picture, onto what the camera sees there.
-
-    Each path is resampled at the brush's spacing, so that colours and anchors do not depend on how often the
-    pen was read.  A curve ends where the path leaves the surfaces or jumps to one behind.
-
-    Args:
-        paths: each (k, 2) in picture coordinates; one point is a dab.
-        radius: of the brush, as a fraction of the picture's height.
-        color: (3,) working space.
-        image: (h, w, 3 or more) picture of the same camera that each point takes its colour from.
-        aspect: width / height of the picture; None: the image's, else the camera's aperture.
-        spacing: between points, in brush radii.
-
-    Raises:
-        StrokeError: nothing is hit, or a value cannot be meant.
-    """
-    if not (np.isfinite(radius) and radius > 0):
-        raise StrokeError(f"The brush radius {radius:g} is not positive: it is a share of picture height.")
-    if not (np.isfinite(color).all() and np.shape(color) == (3,)):
-        raise StrokeError(f"The colour {np.asarray(color).tolist()} is not three finite numbers: give R,G,B.")
-    if aspect is None:
-        aspect = image.shape[1] / image.shape[0] if image is not None else film_aspect(camera)
-    curves = [_resample(path, spacing * radius, aspect) for path in paths]
-    if not sum(map(len, curves)):
-        raise StrokeError("The stroke's path is empty: give at least one point x,y in 0..1.")
-    at = np.concatenate(curves)
-    curve = np.repeat(np.arange(len(curves)), [len(c) for c in curves])
-
-    rays = camera_rays(camera, at, aspect)
-    hits = tracer.intersect(rays.origin, rays.direction)
-    hit = (hits.triangle >= 0) & (hits.distance <= rays.limit)
-    if not hit.any():
-        raise StrokeError(
-            f"The stroke lies off every surface that the camera {camera.path} sees: move its path onto one."
-        )
-    at, curve, triangle = at[hit], curve[hit], hits.triangle[hit]
-    uv = hits.barycentric[hit].astype(np.float32)
-    points, normals = points_on_triangles(scene, triangle, uv)
-    eye = _eyes(camera, rays.origin[hit], rays.direction[hit])
-    normals = turned_towards(normals, scene.triangles.face_normals[triangle], eye - points)
-    heights = _picture_height(camera, points, aspect)
-    # A step on the picture that is far longer in the world than the surface's slant explains is a jump.
-    step = np.linalg.norm(np.diff(points, axis=0), axis=1)
-    slant = np.abs((normals * unit(eye - points)).sum(1)).clip(0.1, 1)
-    expected = spacing * radius * heights / slant
-    broken = (np.diff(curve) != 0) | (np.diff(np.flatnonzero(hit)) != 1)
-    broken |= step > GAP * np.maximum(expected[1:], expected[:-1])
-    counts = np.diff(np.concatenate([[0], np.flatnonzero(broken) + 1, [len(points)]]))
-
-    colors = np.broadcast_to(np.asarray(color, np.float32), (len(points), 3))
-    if image is not None:
-        colors = sample_picture(image, at)
-    mesh = scene.triangles.mesh[triangle]
-    used, surface_index = np.unique(mesh, return_inverse=True)
-    in_face = np.concatenate([m.triangle_in_face for m in scene.meshes])[triangle]
-    barycentric = uv + np.stack([in_face, np.zeros_like(in_face)], -1)
-    stroke = Stroke(
-        name=name,
-        points=points,
-        widths=(2 * radius * heights).astype(np.float32),
-        colors=np.ascontiguousarray(colors, np.float32),
-        eye=eye,
-        normals=normals,
-        curve_counts=tuple(int(c) for c in counts),
-        tool=tool,
-        mode=mode,
-        strength=strength,
-        space=space,
-        surfaces=tuple(scene.meshes[m].path for m in used),
-        surface_index=surface_index.astype(np.int32),
-        face=scene.triangles.face[triangle].astype(np.int32),
-        barycentric=barycentric.astype(np.float32),
-        frame=scene.frame,
-        norm=norm,
-        scope=scope,
-        choice=choice,
-        clone_offset=clone_offset,
-    )
-    stroke = _take(stroke, *_double_single_points(stroke.counts))
-    validate_stroke(stroke)
-    return stroke
-
-
-def sample_picture(image: NDArray, at: ArrayLike) -> F32:
-    """Returns the bilinear colour (n, 3) of a picture (h, w, c) at picture coordinates (n, 2)."""
-    image = np.asarray(image, np.float32)[..., :3]
-    h, w = image.shape[:2]
-    xy = np.clip(np.asarray(at, np.float64) * [w, h] - 0.5, 0, [w - 1, h - 1])
-    x0, y0 = np.minimum(xy.astype(int), [max(w - 2, 0), max(h - 2, 0)]).T
-    fx, fy = (xy - np.stack([x0, y0], -1)).T[..., None]
-    x1, y1 = np.minimum(x0 + 1, w - 1), np.minimum(y0 + 1, h - 1)
-    top = image[y0, x0] * (1 - fx) + image[y0, x1] * fx
-    bottom = image[y1, x0] * (1 - fx) + image[y1, x1] * fx
-    return (top * (1 - fy) + bottom * fy).astype(np.float32)
-
-
-def _resample(path: ArrayLike, step: float, aspect: float) -> F64:
-    """Returns points (n, 2) along a path at equal distances of at most `step` picture heights."""
-    at = np.asarray(path, np.float64)
-    if at.ndim != 2 or at.shape[1] != 2 or not np.isfinite(at).all():
-        raise StrokeError("A stroke's path has points that are not two finite numbers: give x,y in 0..1.")
-    if len(at) < 2:
-        return at
-    along = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(at, axis=0) * [aspect, 1], axis=1))])
-    if along[-1] == 0:
-        return at[:1]
-    s = np.linspace(0, along[-1], int(np.ceil(along[-1] / step - 1e-9)) + 1)
-    return np.stack([np.interp(s, along, at[:, 0]), np.interp(s, along, at[:, 1])], -1)
-
-
-def _picture_height(camera: Camera, points: NDArray, aspect: float) -> F64:
-    """Height of the picture [stage units] at the depth of each point (n,)."""
-    up = camera.world_from_camera[:3, 1]
-    low, _ = project_points(camera, points, aspect)
-    high, _ = project_points(camera, points + up, aspect)
-    return 1 / np.abs(low[:, 1] - high[:, 1])
-
-
-def _eyes(camera: Camera, origin: F32, direction: F32) -> F32:
-    """The camera's eye for each ray (n, 3); an orthographic camera has one for each ray."""
-    if camera.perspective:
-        eye = np.broadcast_to(camera.world_from_camera[:3, 3], origin.shape)
-        return np.ascontiguousarray(eye, np.float32)
-    return origin
-
-
 def _double_single_points(counts: tuple[int, ...]) -> tuple[NDArray, tuple[int, ...]]:
     """Rows and counts of the curves with curves of one point turned into the point twice."""
     single = np.repeat(np.asarray(counts) == 1, counts)
     return np.repeat(np.arange(len(single)), 1 + single), tuple(max(c, 2) for c in counts)
 
-
-def _take(stroke: Stroke, rows: NDArray, counts: tuple[int, ...]) -> Stroke:
-    """The stroke with some of its rows, on curves of `counts`."""
-    n = len(stroke.points)
-    arrays = {f.name: getattr(stroke, f.name) for f in fields(stroke)}
-    per_point = {k: v[rows] for k, v in arrays.items() if isinstance(v, np.ndarray) and len(v) == n}
-    return replace(stroke, curve_counts=counts, **per_point)

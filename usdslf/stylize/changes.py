@@ -5,6 +5,7 @@ Where neither can hold a change, it is the mean over the material, and that is s
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from hashlib import sha256
 from pathlib import Path
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 
 from usdslf.color import Color
 from usdslf.edits.baked_texture import Baked
-from usdslf.edits.edits import ByVertex, MaterialChange
+from usdslf.edits.edits import ByVertex, MaterialChange, Reflectance
 from usdslf.edits.storage import carrier_of, carry
 from usdslf.elements.elements import Elements
 from usdslf.scene.records import F64, Scene
@@ -86,3 +87,21 @@ def with_styles(
         baked={k: v for k, v in found.items() if isinstance(v, Baked)},
         by_vertex={k: v for k, v in found.items() if isinstance(v, ByVertex)},
     )
+
+
+def restyled(styles: Sequence[MaterialStyle], scene: Scene) -> list[MaterialChange]:
+    """Returns the changes of stylized materials: of all that show them."""
+    return [
+        MaterialChange(
+            material=scene.materials[s.material],
+            scope="material",
+            targets=scene.shown_on(s.material),
+            freed=s.freed,
+            before=Reflectance.of(s.before),
+            after=Reflectance.of(s.after),
+            residual_before=s.residual_before,
+            residual_after=s.residual_after,
+        )
+        for s in styles
+        if s.freed
+    ]

@@ -22,7 +22,7 @@ from usdslf.elements.elements import Elements
 from usdslf.scene.records import F32, I32
 
 if TYPE_CHECKING:
-    from usdslf.light_field.visibility import RayTracer
+    from usdslf.rays import RayTracer
 
 MOST = 128  # places that stand for the surroundings of an element, on the average
 LIFT = 0.2  # of their distance: how far two places are lifted to look at each other

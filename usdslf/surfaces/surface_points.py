@@ -148,12 +148,6 @@ def evaluate_opacity(
     return _coverage(scene.materials, material, opacity)
 
 
-def is_opaque(material: Material) -> bool:
-    """Whether nothing can be seen through a material anywhere."""
-    value = material.opacity
-    return isinstance(value, np.ndarray) and float(value[0]) >= max(1.0, material.opacity_threshold)
-
-
 def _constant_inputs(materials: tuple[Material, ...]) -> tuple[dict[str, F32], list[list[str]]]:
     """Returns a table (M, 1 or 3) of each input, and for each material the inputs that vary over it."""
     table: dict[str, F32] = {}

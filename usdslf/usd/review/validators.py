@@ -1,6 +1,6 @@
 """validate.py in the UsdValidation framework, for programs that run all validators.
 
-    register_validators() -> None     makes this process know `usdslf.usd.validators:LooksAndStrokes`
+    register_validators() -> None     makes this process know `usdslf.usd.review.validators:LooksAndStrokes`
 
 Other programs find it with schemas/validators on PXR_PLUGINPATH_NAME and usdslf installed: USD imports this
 module when the validator is asked for.  A validator that raises would pass in silence: its exception becomes
@@ -13,8 +13,8 @@ from typing import Any
 
 from pxr import Plug, Sdf, Usd, UsdValidation
 
-from usdslf import plugin_path
 from usdslf.usd.review.validate import Finding, validate
+from usdslf.usd.schema import schema_folder
 
 NAME = f"{__name__}:LooksAndStrokes"
 _WARNINGS = ("HiddenEdit", "StaleLook", "MovedStroke")
@@ -23,7 +23,7 @@ _WARNINGS = ("HiddenEdit", "StaleLook", "MovedStroke")
 def register_validators() -> None:
     """Makes the registry of this process know the validator; may be called often."""
     registry = UsdValidation.ValidationRegistry()
-    folder = plugin_path.schema_folder()
+    folder = schema_folder()
     if registry.HasValidator(NAME) or not folder:
         return
     Plug.Registry().RegisterPlugins(str(folder / "validators"))
