@@ -12,11 +12,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from kit.stage_parts import StageBuilder
 from pxr import Gf, Usd, UsdGeom, UsdLux
 from reference import evidence as ref
 from reference.light_field import closed_box
 from reference.solve import radiance
-from stage_parts import StageBuilder
 
 import usdslf
 from usdslf.errors import SolveError, StrokeError

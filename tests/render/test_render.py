@@ -1,0 +1,515 @@
+"""The renderer keeps the laws of light: albedo under a white dome, closed forms under every light, exact blending."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from kit.light_field_scenes import material as specular_workflow
+from kit.light_field_scenes import of_elements
+from numpy.typing import NDArray
+from pxr import Gf
+from reference import lights as closed
+from reference.reflectance import albedo, integrate_columns, preview_surface
+from reference.shapes import band, make_scene, quad, sphere
+
+import usdslf.render.picture as render_module
+from usdslf.elements.elements import sample_elements
+from usdslf.errors import InputError
+from usdslf.gpu.device import Device
+from usdslf.lights.sources import LightSet
+from usdslf.rays import RayTracer
+from usdslf.render.guide import LightGuide
+from usdslf.render.lobes import Lobes, shading_points
+from usdslf.render.picture import AOVS, render
+from usdslf.scene.cameras import camera_rays, project_points
+from usdslf.scene.records import Camera, Light, Material, Scene, Texture, constant
+from usdslf.surfaces.reflectance import directional_albedo, lobe_parameter
+from usdslf.surfaces.surface_points import evaluate_surface
+
+SIZE = (36, 28)
+NO_LIGHT = LightSet(make_scene(), [])
+
+
+def unguided(device: Device) -> LightGuide:
+    """Nothing knows where light comes from."""
+    return LightGuide(device, None, None, NO_LIGHT)
+
+
+def camera_at(eye: Sequence[float], target: Sequence[float] = (0, 0, 0), **changes: Any) -> Camera:
+    """A camera with a field of view of 36 degrees, up along y (-z when it looks along y)."""
+    e, t = Gf.Vec3d(*map(float, eye)), Gf.Vec3d(*map(float, target))
+    up = Gf.Vec3d(0, 0, -1) if abs((t - e).GetNormalized()[1]) > 0.99 else Gf.Vec3d(0, 1, 0)
+    m = np.array(Gf.Matrix4d().SetLookAt(e, t, up).GetInverse()).T
+    return Camera(**{**dict(path="/c", world_from_camera=m, horizontal_aperture=36.0, vertical_aperture=24.0,
+                            focal_length=55.0), **changes})  # fmt: skip
+
+
+def white_dome(radiance: float = 1.0) -> Light:
+    return Light("/dome", "dome", (radiance,) * 3, np.eye(4))
+
+
+def looking_down(at: Sequence[float]) -> NDArray:
+    """The frame of a light at a point, shining along -y."""
+    m = np.eye(4)
+    m[:3, :3] = [[1, 0, 0], [0, 0, 1], [0, -1, 0]]
+    m[:3, 3] = at
+    return m
+
+
+def matte(color: Sequence[float] = (0.5, 0.5, 0.5), **inputs: Any) -> Material:
+    """As Lambertian as UsdPreviewSurface gets: F0 = 0, but F90 = 1."""
+    return Material("/matte", diffuse_color=constant(*color), roughness=constant(1.0), ior=constant(1.0), **inputs)
+
+
+def ground(half: float = 1.0, **kw: Any) -> Any:
+    """A square in y = 0 facing up."""
+    return quad((-half, 0, half), (2 * half, 0, 0), (0, 0, -2 * half), **kw)
+
+
+def picture(scene: Scene, camera: Camera, device: Device, light_field: Any = None, **options: Any) -> dict:
+    names = options.pop("aovs", ("color",))
+    size = options.pop("size", SIZE)
+    return render(scene, camera, size, RayTracer(scene), light_field, scene.lights, device, aovs=names, **options)
+
+
+class EvenRadiance:
+    """A stand-in for a light field: the same radiance from every surface."""
+
+    def __init__(self, radiance: float) -> None:
+        self.radiance, self.model = radiance, "preview_surface"
+
+    def radiance_from_hits(self, triangle: NDArray, barycentric: NDArray, direction: NDArray) -> NDArray:
+        return np.full((len(triangle), 3), self.radiance, np.float32)
+
+
+def albedo_of(material: dict, cosine: NDArray) -> NDArray:
+    """Directional albedo (n, 3) of a material by quadrature."""
+    d, f0, f90, roughness = (material[k] for k in ("d", "f0", "f90", "roughness"))
+    grid = np.linspace(0.05, 1, 39)
+    x, y, a, b = (np.interp(cosine, grid, c)[..., None] for c in albedo("preview_surface", roughness, grid, 96).T)
+    return d * ((1 - f0) * x + (1 - f90) * y) + f0 * a + f90 * b
+
+
+# ── rays and samples ─────────────────────────────────────────────────────────────────────────────
+
+
+@pytest.mark.parametrize("count", [4, 16, 64, 256])
+def test_aligned_runs_of_the_sequence_are_stratified_in_every_way(device: Device, count: int) -> None:
+    index = np.arange(3 * count, 4 * count, dtype=np.uint32)
+    p = Lobes(device, unguided(device)).sequence(index, 5)
+    for columns in 2 ** np.arange(int(np.log2(count)) + 1):
+        rows = count // columns
+        cell = (p[:, 0] * columns).astype(int) * rows + (p[:, 1] * rows).astype(int)
+        assert len(np.unique(cell)) == count, (columns, rows)
+
+
+@pytest.mark.parametrize("perspective", [True, False])
+@pytest.mark.parametrize("aspect", [0.6, 2.5])
+def test_rays_pass_through_the_frustum_of_usd(perspective: bool, aspect: float) -> None:
+    """Gf.Camera gives the frustum of the authored aperture; the wider picture shows it in its middle."""
+    camera = camera_at((3, 2, 5), (0.3, 0, 0), horizontal_offset=4.0, vertical_offset=-3.0, perspective=perspective)
+    gf = Gf.Camera()
+    gf.transform = Gf.Matrix4d(camera.world_from_camera.T)
+    gf.projection = Gf.Camera.Perspective if perspective else Gf.Camera.Orthographic
+    gf.horizontalAperture, gf.verticalAperture = 36.0, 24.0
+    gf.horizontalApertureOffset, gf.verticalApertureOffset = 4.0, -3.0
+    gf.focalLength = 55.0
+    frustum = gf.frustum
+    window = frustum.window
+    center, half = window.GetMidpoint(), window.GetSize() / 2
+    if aspect > 36 / 24:
+        half[0] = half[1] * aspect
+    else:
+        half[1] = half[0] / aspect
+    at = np.array([[0.5, 0.5], [0.1, 0.8], [1, 0]])
+    rays = camera_rays(camera, at, aspect)
+    for (x, y), origin, direction in zip(at, rays.origin, rays.direction):
+        frustum.window = Gf.Range2d(center - half, center + half)
+        ray = frustum.ComputePickRay(Gf.Vec2d(2 * x - 1, 1 - 2 * y))
+        expected = np.array(ray.direction) / np.linalg.norm(ray.direction)
+        np.testing.assert_allclose(direction, expected, atol=2e-6)
+        off = np.cross(origin - np.array(ray.startPoint), expected)
+        np.testing.assert_allclose(off, 0, atol=2e-5)
+    back, _ = project_points(camera, rays.origin + 2 * rays.direction, aspect)
+    np.testing.assert_allclose(back, at, atol=1e-5)
+
+
+def test_clipping_planes_cut_what_is_nearer_and_farther(device: Device) -> None:
+    scene = make_scene(quad((-9, -9, 0), (18, 0, 0), (0, 18, 0)), lights=[white_dome()])
+    for near, far, seen in ((0.0, np.inf, 1), (4.9, 9.0, 1), (5.5, 9.0, 0), (0.1, 4.9, 0)):
+        aovs = picture(scene, camera_at((0, 0, 5), near=near, far=far), device, aovs=("alpha", "depth"), size=(4, 4))
+        np.testing.assert_allclose(aovs["alpha"], seen)
+        np.testing.assert_allclose(aovs["depth"], 5 if seen else np.inf, rtol=1e-5)
+
+
+@pytest.mark.parametrize("model", ["preview_surface", "phong"])
+@pytest.mark.parametrize("roughness", [0.08, 0.3, 1.0])
+def test_drawn_directions_have_the_density_they_claim(device: Device, roughness: float, model: str) -> None:
+    """The mean of weight / pdf is the integral of the lobes, for every column, by quadrature."""
+    material = Material("", diffuse_color=constant(0.4, 0.4, 0.4), roughness=constant(roughness))
+    scene = make_scene(ground(), materials=[material])
+    n, k, cosine = 64, 64, 0.15  # grazing, where Fresnel's ramp counts
+    surface = evaluate_surface(scene, np.zeros(n, np.int32), np.full((n, 2), 0.3, np.float32))
+    view = np.tile(np.float32([np.sqrt(1 - cosine**2), cosine, 0]), (n, 1))
+    points, lobes = shading_points(surface, view, RayTracer(scene), model=model), Lobes(device, unguided(device), model)
+    direction, pdf, _, weight = lobes.sample(points, np.arange(n, dtype=np.uint32) * k, k, 1)
+    expected = integrate_columns(model, roughness, np.array([np.sqrt(1 - cosine**2), 0, cosine]))
+    if model == "phong":  # X in the place of Y
+        expected = expected[[1, 0, 2, 3]]
+    np.testing.assert_allclose(weight.mean((0, 1))[:4], expected, rtol=0.01, atol=2e-4)
+    # evaluating the drawn directions gives the same density and weights
+    seen = np.flatnonzero(pdf[:, 0] > 0)
+    again, weights = lobes.evaluate(points, seen, direction[seen, 0])
+    np.testing.assert_allclose(again, pdf[seen, 0], rtol=0.02)
+    np.testing.assert_allclose(weights / again[:, None], weight[seen, 0], rtol=0.02, atol=1e-4)
+
+
+# ── furnaces ─────────────────────────────────────────────────────────────────────────────────────
+
+DIELECTRIC = dict(d=np.array([0.5, 0.3, 0.2]), f0=0.04, f90=1.0)
+METAL = dict(d=np.zeros(3), f0=np.array([0.9, 0.6, 0.3]), f90=np.array([0.9, 0.6, 0.3]))
+
+
+@pytest.mark.parametrize(("d", "f0"), [(0.5, 0.3), (0.7, 0.9)])
+def test_a_ball_of_phong_shows_k_d_and_k_s_of_no_more_than_arrives(device: Device, d: float, f0: float) -> None:
+    material = Material(
+        "", diffuse_color=constant(d, d, d), use_specular_workflow=True, specular_color=constant(f0, f0, f0),
+        roughness=constant(0.4), clearcoat=constant(1.0),
+    )  # fmt: skip
+    scene = make_scene(sphere(1.0, rows=64), materials=[material], lights=[white_dome()])
+    camera = camera_at((0, 1, 5))
+    dark = EvenRadiance(0.0)
+    dark.model = "phong"
+    aovs = picture(scene, camera, device, dark, aovs=("color", "alpha", "position", "normal"), size=(72, 56))
+    to_eye = camera.world_from_camera[:3, 3] - aovs["position"]
+    cosine = (aovs["normal"] * to_eye).sum(-1) / np.linalg.norm(to_eye, axis=-1)
+    inside = (aovs["alpha"][..., 0] > 0.999) & (cosine > 0.35)
+    lobe = directional_albedo("phong", float(lobe_parameter("phong", 0.4)), cosine[inside])[:, 2]
+    expected = d + min(f0, 1 - d) * lobe
+    ratio = aovs["color"][inside].mean(-1) / expected
+    assert abs(ratio.mean() - 1) < 0.005 and ratio.std() < 0.02
+    assert aovs["color"].max() < 1.05
+
+
+@pytest.mark.parametrize("roughness", [0.05, 0.3, 0.8])
+@pytest.mark.parametrize("is_metal", [False, True])
+def test_a_ball_in_a_white_dome_shows_its_albedo(device: Device, roughness: float, is_metal: bool) -> None:
+    color = (0.9, 0.6, 0.3) if is_metal else (0.5, 0.3, 0.2)
+    material = Material(
+        "", diffuse_color=constant(*color), metallic=constant(float(is_metal)), roughness=constant(roughness)
+    )
+    scene = make_scene(sphere(1.0, rows=64), materials=[material], lights=[white_dome()])
+    camera = camera_at((0, 1, 5))
+    aovs = picture(scene, camera, device, aovs=("color", "alpha", "position", "normal"), size=(72, 56))
+    to_eye = camera.world_from_camera[:3, 3] - aovs["position"]
+    cosine = (aovs["normal"] * to_eye).sum(-1) / np.linalg.norm(to_eye, axis=-1)
+    inside = (aovs["alpha"][..., 0] > 0.999) & (cosine > 0.35)
+    expected = albedo_of({**(METAL if is_metal else DIELECTRIC), "roughness": roughness}, cosine[inside])
+    ratio = aovs["color"][inside] / expected
+    assert abs(ratio.mean() - 1) < 0.005
+    assert np.abs(ratio - 1).mean() < 0.01
+    background = aovs["alpha"][..., 0] == 0
+    np.testing.assert_allclose(aovs["color"][background], 1, rtol=1e-5)
+
+
+def test_between_even_walls_a_ball_shows_its_albedo(device: Device) -> None:
+    """The same with surfaces around it instead of a dome: gathered indirect light."""
+    material = Material("", diffuse_color=constant(0.5, 0.3, 0.2), roughness=constant(0.6))
+    walls = sphere(40.0, rows=12, material=1)
+    scene = make_scene(sphere(1.0, rows=64), walls, materials=[material, matte()])
+    camera = camera_at((0, 0, 5))
+    aovs = picture(
+        scene, camera, device, EvenRadiance(1.0), aovs=("color", "indirect", "direct", "mesh"), element_area=1e-9
+    )
+    on_ball = aovs["mesh"][..., 0] == 0
+    center = aovs["color"][12:16, 16:20].mean((0, 1))
+    expected = albedo_of({**DIELECTRIC, "roughness": 0.6}, np.array([1.0]))[0]
+    np.testing.assert_allclose(center, expected, rtol=0.01)
+    np.testing.assert_allclose(aovs["color"], aovs["indirect"], rtol=1e-5)
+    assert aovs["direct"][on_ball].max() == 0
+
+
+@pytest.mark.parametrize("has_moved", [False, True])
+@pytest.mark.parametrize("seed", [1, 2])
+def test_where_a_hollow_body_stands_on_the_ground_all_white_is_as_bright_as_its_sky(
+    device: Device, seed: int, has_moved: bool
+) -> None:
+    """Surfaces that absorb nothing reflect as much as the dome sends; half of it reaches the foot by the wall.
+
+    `has_moved`: elements were laid before the body came, which is black inside: so are those below it.
+    """
+    body, white = band(0.5, 0.44, 0.12), [specular_workflow(1.0)]
+    scene = make_scene(ground(), body, materials=white, lights=[white_dome()])
+    shrunk = replace(body, positions=body.positions * 0)
+    before = make_scene(ground(), shrunk, materials=white) if has_moved else scene
+    elements = sample_elements(scene, RayTracer(before), 500, np.random.default_rng(seed))
+    inside = (elements.mesh == 1) & (elements.side < 0)
+    elements = replace(elements, diffuse=np.where(inside[:, None], np.float32(0), elements.diffuse))
+    made = of_elements(device, scene, RayTracer(scene), elements, "phong")
+    aovs = render(
+        made.scene, camera_at((0, 2.6, 1.2)), (120, 90), made.tracer, made.field, made.scene.lights, device,
+        aovs=("color", "position", "mesh"), elements=500,
+    )  # fmt: skip
+    radius = np.linalg.norm(aovs["position"][..., ::2], axis=-1)
+    foot = (aovs["mesh"][..., 0] == 0) & (radius > 0.38) & (radius < 0.56)
+    light = aovs["color"][foot].mean(-1)
+    assert foot.sum() > 500
+    assert abs(light.mean() - 1) < 0.015
+    assert light.min() > 0.93 and light.max() < 1.1
+
+
+# ── lights against closed forms ──────────────────────────────────────────────────────────────────
+
+
+def disk_directions(radius: float, height: float, count: int = 20000) -> tuple[NDArray, NDArray]:
+    """Directions (n, 3) from the origin to a disk above it, and their solid angles (n,)."""
+    i = np.arange(count) + 0.5
+    r, phi = radius * np.sqrt(i / count), np.pi * (1 + 5**0.5) * i
+    p = np.stack([r * np.cos(phi), r * np.sin(phi), np.full(count, height)], -1)
+    d2 = (p * p).sum(1)
+    return p / np.sqrt(d2)[:, None], np.pi * radius**2 / count * height / d2**1.5
+
+
+def test_ground_below_a_point_and_a_parallel_light_is_exact(device: Device) -> None:
+    """Lights without extent: f cos I / d^2 at the foot point, f cos E; no noise at all."""
+    point = Light("/p", "sphere", (10.0,) * 3, looking_down((0, 2, 0)), radius=0.1, treat_as_point=True)
+    sun_frame = np.eye(4)
+    sun_frame[:3, 2] = np.array([1, 2, 0.5]) / np.linalg.norm([1, 2, 0.5])
+    sun_frame[:3, 0] = np.cross([0, 1, 0], sun_frame[:3, 2])
+    sun_frame[:3, 0] /= np.linalg.norm(sun_frame[:3, 0])
+    sun_frame[:3, 1] = np.cross(sun_frame[:3, 2], sun_frame[:3, 0])
+    sun = Light("/s", "distant", (3.0,) * 3, sun_frame)
+    eye = np.array([1.5, 2.0, 0])
+    e = np.array([1.5, 0, 2.0]) / 2.5  # z up, in the local frame with x along world x and y along -z
+    for light, towards, irradiance in (
+        (point, np.array([0, 0, 1.0]), 10.0 * np.pi * 0.1**2 / 4),
+        (sun, np.array([1, -0.5, 2]) / np.linalg.norm([1, 2, 0.5]), 3.0),
+    ):
+        scene = make_scene(ground(), materials=[matte()], lights=[light])
+        out = picture(scene, camera_at(eye, focal_length=5000.0), device, size=(4, 4))["color"]
+        f = preview_surface([0.5] * 3, [0.0] * 3, [1.0] * 3, 1.0, e, towards)
+        np.testing.assert_allclose(out, np.broadcast_to(f * towards[2] * irradiance, out.shape), rtol=2e-3)
+
+
+@pytest.mark.parametrize("roughness", [0.25, 1.0])
+@pytest.mark.parametrize("kind", ["disk", "rect", "sphere", "distant"])
+def test_ground_below_an_area_light_agrees_with_quadrature(device: Device, kind: str, roughness: float) -> None:
+    height, radius = 1.5, 0.8
+    common = dict(path="/l", kind=kind, radiance=(2.0, 1.0, 0.5), world_from_light=looking_down((0, height, 0)))
+    if kind == "rect":
+        light = Light(**common, width=1.2, height=0.8)
+        x, y = np.meshgrid((np.arange(200) + 0.5) / 200 * 1.2 - 0.6, (np.arange(200) + 0.5) / 200 * 0.8 - 0.4)
+        p = np.stack([x.ravel(), y.ravel(), np.full(x.size, height)], -1)
+        d2 = (p * p).sum(1)
+        l, omega = p / np.sqrt(d2)[:, None], 1.2 * 0.8 / x.size * height / d2**1.5
+    elif kind == "distant":
+        light = Light(**common, angle=2 * np.arctan(radius / height))
+        l, omega = disk_directions(radius, height)
+    elif kind == "sphere":
+        light = Light(**common, radius=radius)
+        half = np.arcsin(radius / height)
+        l, omega = disk_directions(np.tan(half), 1.0)
+    else:
+        light = Light(**common, radius=radius)
+        l, omega = disk_directions(radius, height)
+    material = Material("", diffuse_color=constant(0.5, 0.5, 0.5), roughness=constant(roughness))
+    scene = make_scene(ground(5.0), materials=[material], lights=[light])
+    e = np.array([0.6, 0, 0.8])
+    f = preview_surface([0.5] * 3, [0.04] * 3, [1.0] * 3, roughness, e, l)
+    expected = (f * (l[:, 2] * omega)[:, None]).sum(0) * light.radiance
+    camera = camera_at((1.8, 2.4, 0), focal_length=3000.0)
+    out = picture(scene, camera, device, size=(8, 8), hide_lights=True)["color"].mean((0, 1))
+    np.testing.assert_allclose(out, expected, rtol=0.01)
+
+
+def test_the_closed_form_of_the_disk_agrees_too(device: Device) -> None:
+    """Without the quadrature above: irradiance of a disk, on a surface whose BRDF is d / pi head-on but for Fresnel."""
+    light = Light("/l", "disk", (1.0,) * 3, looking_down((0, 30.0, 0)), radius=3.0)
+    scene = make_scene(ground(1.0), materials=[matte()], lights=[light])
+    out = picture(scene, camera_at((0, 3, 0), focal_length=3000.0), device, size=(8, 8))["color"].mean()
+    np.testing.assert_allclose(out, 0.5 / np.pi * closed.disk_irradiance(3.0, 30.0, 0.0), rtol=3e-3)
+
+
+def test_what_stands_in_between_throws_a_shadow(device: Device) -> None:
+    light = Light("/l", "disk", (1.0,) * 3, looking_down((0, 3, 0)), radius=0.1)
+    blocker = quad((-9, 1.5, 9), (9, 0, 0), (0, 0, -18))  # over x < 0
+    scene = make_scene(ground(5.0), blocker, materials=[matte()], lights=[light])
+    out = picture(scene, camera_at((0, 1.2, 0)), device, size=(30, 20), aovs=("direct",))["direct"].mean((0, 2))
+    assert out[:10].max() == 0 and out[-10:].min() > 1e-4
+    assert (np.diff(out[12:18]) > -1e-4).all()  # the penumbra rises
+
+
+def test_emissive_surfaces_light_as_area_lights_do(device: Device) -> None:
+    e = np.array([0.6, 0, 0.8])
+    lamp = quad((-0.6, 1.5, -0.4), (1.2, 0, 0), (0, 0, 0.8), material=1)  # faces down
+    glow = Material("/glow", diffuse_color=constant(0.0, 0.0, 0.0), emissive_color=constant(2.0, 1.0, 0.5))
+    scene = make_scene(ground(5.0), lamp, materials=[matte(), glow])
+    x, y = np.meshgrid((np.arange(100) + 0.5) / 100 * 1.2 - 0.6, (np.arange(100) + 0.5) / 100 * 0.8 - 0.4)
+    p = np.stack([x.ravel(), y.ravel(), np.full(x.size, 1.5)], -1)
+    d2 = (p * p).sum(1)
+    l, omega = p / np.sqrt(d2)[:, None], 1.2 * 0.8 / x.size * 1.5 / d2**1.5
+    f = preview_surface([0.5] * 3, [0.0] * 3, [1.0] * 3, 1.0, e, l)
+    expected = (f * (l[:, 2] * omega)[:, None]).sum(0) * [2.0, 1.0, 0.5]
+    out = picture(scene, camera_at((1.8, 2.4, 0), focal_length=3000.0), device, size=(8, 8), depth=0)["color"]
+    np.testing.assert_allclose(out.mean((0, 1)), expected, rtol=0.015)
+    glowing = picture(scene, camera_at((0, 0.5, 0), (0, 1.5, 0), focal_length=200.0), device, size=(4, 4), depth=0)
+    np.testing.assert_allclose(glowing["color"], np.broadcast_to([2.0, 1.0, 0.5], (4, 4, 3)), rtol=1e-3)
+
+
+def test_lights_that_leave_out_a_lobe_do_so(device: Device) -> None:
+    metal = Material("", diffuse_color=constant(0.9, 0.9, 0.9), metallic=constant(1.0), roughness=constant(0.4))
+    for light in (white_dome(), Light("/l", "disk", (1.0,) * 3, looking_down((0, 2, 0)), radius=1.0)):
+        whole = make_scene(ground(), materials=[metal], lights=[light])
+        without = make_scene(ground(), materials=[metal], lights=[Light(**{**vars(light), "specular": 0.0})])
+        halved = make_scene(ground(), materials=[metal], lights=[Light(**{**vars(light), "specular": 0.5})])
+        camera = camera_at((0.5, 2, 0.2), focal_length=3000.0)
+        a, b, c = (
+            picture(s, camera, device, size=(8, 8), hide_lights=True)["color"].mean() for s in (whole, without, halved)
+        )
+        assert b == 0
+        np.testing.assert_allclose(c, a / 2, rtol=0.03)
+
+
+# ── pictures ─────────────────────────────────────────────────────────────────────────────────────
+
+
+def test_lights_are_seen_by_the_camera_unless_hidden(device: Device) -> None:
+    light = Light("/l", "disk", (7.0, 5.0, 3.0), looking_down((0, 2, 0)), radius=0.5)
+    scene = make_scene(ground(), materials=[matte()], lights=[light])
+    up = camera_at((0, 0.5, 0), (0, 2, 0), focal_length=400.0)
+    np.testing.assert_allclose(picture(scene, up, device, size=(4, 4))["color"][1, 1], [7, 5, 3], rtol=1e-5)
+    assert picture(scene, up, device, size=(4, 4), hide_lights=True)["color"].max() == 0
+    from_behind = camera_at((0, 4, 0), focal_length=400.0)
+    assert picture(scene, from_behind, device, size=(4, 4))["color"].max() < 3  # it shines to one side
+
+
+def test_a_texture_appears_upright(device: Device, tmp_path: Any) -> None:
+    """st (0, 0) is the lower left of the picture: the file's last row is at t = 0."""
+    import OpenImageIO as oiio
+
+    pixels = np.zeros((2, 2, 3), np.float32)
+    pixels[0, 0], pixels[0, 1], pixels[1, 0] = (1, 0, 0), (0, 1, 0), (0, 0, 1)  # red upper left, blue lower left
+    oiio.ImageBuf(np.kron(pixels, np.ones((8, 8, 1), np.float32))).write(str(tmp_path / "t.exr"), "float")
+    texture = Texture("/t", str(tmp_path / "t.exr"), color_space="raw")
+    mesh = quad((-1, -1, 0), (2, 0, 0), (0, 2, 0))
+    uv = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], np.float32)[mesh.triangles]
+    mesh = type(mesh)(**{**vars(mesh), "uvs": {"st": uv}})
+    scene = make_scene(mesh, materials=[Material("", diffuse_color=texture)], lights=[white_dome()])
+    out = picture(scene, camera_at((0, 0, 5)), device, aovs=("albedo",), size=(30, 20))["albedo"]
+    np.testing.assert_allclose(out[8, 13], [1, 0, 0], atol=1e-4)
+    np.testing.assert_allclose(out[8, 16], [0, 1, 0], atol=1e-4)
+    np.testing.assert_allclose(out[11, 13], [0, 0, 1], atol=1e-4)
+    np.testing.assert_allclose(out[11, 16], [0, 0, 0], atol=1e-4)
+
+
+@pytest.mark.parametrize("mode", ["transparent", "presence"])
+def test_veils_blend_exactly(device: Device, mode: str) -> None:
+    """seen = presence (E + d L) + (1 - opacity) behind, here under no light but emission."""
+    glow = constant(0.8, 0.4, 0.2)
+    veil = Material("", diffuse_color=constant(0, 0, 0), emissive_color=glow, opacity=constant(0.25), opacity_mode=mode)
+    wall = Material("", diffuse_color=constant(0, 0, 0), specular_color=constant(0, 0, 0), use_specular_workflow=True,
+                    emissive_color=constant(1.0, 2.0, 3.0))  # fmt: skip
+    black = dict(use_specular_workflow=True, specular_color=constant(0, 0, 0))
+    veil = Material(**{**vars(veil), **black})
+    meshes = [quad((-9, -9, z), (18, 0, 0), (0, 18, 0), material=m) for z, m in ((0, 1), (1, 0), (2, 0))]
+    scene = make_scene(*meshes, materials=[veil, wall])
+    aovs = picture(scene, camera_at((0, 0, 5)), device, aovs=("emission", "alpha", "depth"), size=(4, 4))
+    presence = 0.25 if mode == "presence" else 1.0
+    expected = np.array([1.0, 2.0, 3.0])
+    for _ in range(2):
+        expected = presence * np.asarray(glow) + 0.75 * expected
+    np.testing.assert_allclose(aovs["emission"], np.broadcast_to(expected, (4, 4, 3)), rtol=1e-4)
+    np.testing.assert_allclose(aovs["alpha"], 1, rtol=1e-5)
+    np.testing.assert_allclose(aovs["depth"], 3, rtol=1e-5)
+
+
+def test_flat_surfaces_come_out_free_of_noise_and_edges_sharp(device: Device) -> None:
+    """Red paint beside blue metal under a lamp and a dome: no speckle, and nothing of one on the other."""
+    left = quad((-9, 0, 9), (9, 0, 0), (0, 0, -18), material=0)
+    right = quad((0, 0, 9), (9, 0, 0), (0, 0, -18), material=1)
+    light = Light("/l", "disk", (1.0,) * 3, looking_down((0, 6, 0)), radius=1.0)
+    metal = Material("", diffuse_color=constant(0, 0, 0.8), metallic=constant(1.0), roughness=constant(0.1))
+    scene = make_scene(left, right, materials=[matte((0.8, 0, 0)), metal], lights=[light, white_dome(0.3)])
+    out = picture(scene, camera_at((0, 5, 0)), device, size=(40, 30), hide_lights=True)["color"].astype(float)
+    red, blue = out[:, :20, 0], out[:, 20:, 2]
+    assert out[:, :19, 2].max() < 0.06 * blue.mean() and out[:, 21:, 0].max() < 0.06 * red.mean()  # Fresnel only
+    beside = out[6:-6, 18:20, 0].mean(1) / out[6:-6, 12:15, 0].mean(1)
+    np.testing.assert_allclose(beside, 1, atol=0.05)  # paint at the edge is as bright as the rest
+    inside = out[6:-6, 6:14, 0]
+    ripple = inside[1:-1, 1:-1] - (inside[:-2, 1:-1] + inside[2:, 1:-1] + inside[1:-1, :-2] + inside[1:-1, 2:]) / 4
+    assert np.abs(ripple).max() < 0.01 * inside.mean()
+
+
+def test_bands_do_not_show(device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("usdslf.render.filter.NOISE", 1e9)  # what gets more samples may depend on the band
+    light = Light("/l", "disk", (1.0,) * 3, looking_down((0, 3, 0)), radius=0.5)
+    scene = make_scene(ground(3.0), sphere(0.5, (0, 0.5, 0)), materials=[matte()], lights=[light])
+    camera = camera_at((0, 2, 4))
+    whole = picture(scene, camera, device)["color"]
+    monkeypatch.setattr(render_module, "BAND", 1)
+    np.testing.assert_allclose(picture(scene, camera, device)["color"], whole, rtol=1e-4, atol=1e-5)
+
+
+def test_every_aov_has_its_shape_and_says_where_nothing_is(device: Device) -> None:
+    scene = make_scene(sphere(0.5), materials=[matte()], lights=[white_dome()])
+    aovs = picture(scene, camera_at((0, 0, 5)), device, aovs=tuple(AOVS))
+    for name, channels in AOVS.items():
+        assert aovs[name].shape == (SIZE[1], SIZE[0], channels) and aovs[name].dtype == np.float32, name
+    assert aovs["mesh"][0, 0] == aovs["material"][0, 0] == -1 and aovs["depth"][0, 0] == np.inf
+    assert aovs["alpha"][0, 0] == 0 and aovs["mesh"][14, 18] == 0
+    np.testing.assert_allclose(aovs["position"][14, 18], [0, 0, 0.5], atol=0.05)
+    total = aovs["direct"] + aovs["indirect"] + aovs["emission"]
+    inside = aovs["alpha"][..., 0] == 1
+    np.testing.assert_allclose(aovs["color"][inside], total[inside], rtol=1e-4)
+
+
+def test_coarse_spheres_have_neither_black_nor_bright_rims(device: Device) -> None:
+    """Smooth normals that look away from the viewer at the rim of a coarse mesh are still lit."""
+    for roughness in (0.1, 0.9):
+        material = Material("", diffuse_color=constant(0.6, 0.6, 0.6), roughness=constant(roughness))
+        scene = make_scene(sphere(1.0, rows=8), materials=[material], lights=[white_dome()])
+        aovs = picture(scene, camera_at((0, 0, 5)), device, aovs=("color", "alpha"), size=(60, 44))
+        inside = aovs["alpha"][..., 0] == 1
+        assert np.isfinite(aovs["color"]).all()
+        assert aovs["color"][inside].min() > 0.3 and aovs["color"].max() < 1.3
+
+
+def test_a_small_light_just_over_the_horizon_leaves_no_specks(device: Device) -> None:
+    """Shading normals that lean towards a low sun send rays below the surface, where no light was sampled."""
+    towards = np.array([1, 0.06, 0]) / np.hypot(1, 0.06)
+    world_from_light = np.eye(4)
+    world_from_light[:3, :3] = np.stack([[0, 0, 1], np.cross(towards, [0, 0, 1]), towards], 1)
+    sun = Light("/sun", "distant", (400.0,) * 3, world_from_light, angle=np.radians(4.0))
+    leaning = np.float32([0.33, 0.944, 0])
+    floor = replace(ground(), corner_normals=np.tile(leaning, (2, 3, 1)))
+    color = picture(make_scene(floor, lights=[sun]), camera_at((0, 4, 0)), device)["color"]
+    inside = color[5:-5, 5:-5]
+    assert inside.min() > 0.03
+    assert inside.max() < 1.5 * np.median(inside)
+
+
+def test_the_same_call_gives_the_same_picture(device: Device) -> None:
+    scene = make_scene(ground(), sphere(0.4, (0, 0.4, 0)), materials=[matte()], lights=[white_dome()])
+    a, b = (picture(scene, camera_at((0, 2, 3)), device, EvenRadiance(0.2))["color"] for _ in range(2))
+    np.testing.assert_array_equal(a, b)
+
+
+@pytest.mark.parametrize(
+    "options, word",
+    [(dict(size=(0, 10)), "0 x 10"), (dict(aovs=("colour",)), "colour"), (dict(samples=0), "samples")],
+)
+def test_bad_input_is_named(device: Device, options: dict, word: str) -> None:
+    scene = make_scene(ground(), lights=[white_dome()])
+    with pytest.raises(InputError, match="sample" if word == "samples" else word):
+        picture(scene, camera_at((0, 2, 3)), device, **options)
+
+
+def test_nothing_in_view_is_the_background(device: Device) -> None:
+    scene = make_scene(ground(), lights=[white_dome(0.5)])
+    away = camera_at((0, 2, 3), (0, 9, 9))
+    np.testing.assert_allclose(picture(scene, away, device, size=(5, 3))["color"], 0.5, rtol=1e-6)
+    assert picture(scene, away, device, size=(1, 1))["color"].shape == (1, 1, 3)

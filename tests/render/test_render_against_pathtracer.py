@@ -1,0 +1,26 @@
+"""Pictures agree with a path tracer's, of which pictures/make_pictures.py made the truth."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from kit.render_stages import relative_error
+from kit.scenes import CAMERA, SCENES, SIZE
+
+import usdslf
+
+PICTURES = Path(__file__).parents[1] / "truth/pictures"
+ELEMENTS, SAMPLES = 4000, 16
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_picture_agrees_with_the_path_tracer(name: str, tmp_path: Path) -> None:
+    """Mean relative error after 5 x 5 averaging, light units and orientation included."""
+    scene = SCENES[name]
+    session = usdslf.open(str(scene.write(tmp_path)), elements=ELEMENTS)
+    picture = session.render(CAMERA, SIZE, samples=SAMPLES)["color"]
+    truth = np.load(PICTURES / f"{name}.npz")["picture"].astype(np.float64)
+    assert relative_error(picture, truth) < scene.tolerance, name
+    assert not session.warnings

@@ -1,0 +1,229 @@
+"""Runs the recovery suite: does a stroke give back the change that was made?
+
+    python tests/truth/recovery/run_recovery.py [NAME ...] [--set tuning|twin|all] [--ways exact,uneven,flat,before]
+                                          [--elements N] [--json OUT] [--markdown]
+
+The truth (truth/NAME.json, see make_truth) was rendered by a path tracer.  For each case and way the dabs are
+painted on the unchanged stage as one replace stroke, solved, and compared: the freed parameters must be
+exactly the one that was changed, of the right material, and for exact strokes its value must come back.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import tempfile
+import time
+import traceback
+from collections.abc import Iterable, Iterator
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+sys.path[:0] = [str(Path(__file__).resolve().parents[n]) for n in (2, 3)]
+
+import numpy as np
+from truth.recovery.cases import CASES, UNDECIDABLE
+from truth.recovery.stages import CAMERA, SIZE, Case, build_stage
+
+import usdslf
+
+TRUTH = Path(__file__).parent / "truth"
+WAYS = ("exact", "uneven", "flat")
+BEFORE = "before"  # the true colours of the unchanged stage, to which the answer is: none
+WANTED = {"exact": 0.95, "uneven": 0.90, "flat": 0.70}
+TOLERANCE = {"diffuse": 0.05, "specular": 0.05, "glossiness": 0.07}
+REPORT_KEY = {"diffuse": "diffuse", "specular": "specular", "glossiness": "roughness"}
+ELEMENTS = 4000
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of one stroke."""
+
+    case: str
+    way: str
+    expected: str
+    inferred: str
+    is_right: bool  # parameter and material
+    error: float  # of the changed parameter's value, largest channel; nan where it was not freed
+    is_close: bool  # value within tolerance
+    true: tuple[float, ...]
+    found: tuple[float, ...]
+    ranking: str  # the best alternatives with their costs
+    residual: float
+    seconds: float
+    note: str = ""
+
+
+def read_truth(case: Case) -> dict[str, Any]:
+    """Returns the saved truth of a case."""
+    return json.loads((TRUTH / f"{case.name}.json").read_text())
+
+
+def run_case(
+    case: Case, ways: Iterable[str] = WAYS, elements: int = ELEMENTS, **options: Any
+) -> list[Outcome]:
+    """Paints and solves one case in each way.  `options` go to usdslf.open."""
+    truth = read_truth(case)
+    start = time.perf_counter()
+    found = []
+    with tempfile.TemporaryDirectory() as folder:
+        session = usdslf.open(build_stage(case, Path(folder)), elements=elements, **options)
+        for way in ways:
+            stroke = paint(session, truth, way)
+            session.add_stroke(stroke)
+            session.solve()
+            report = session.report()["strokes"][0]
+            session.remove_stroke(stroke.name)
+            found.append(judge(case, truth, way, report, time.perf_counter() - start))
+            start = time.perf_counter()
+    return found
+
+
+def paint(session: Any, truth: dict[str, Any], way: str) -> usdslf.Stroke:
+    """Returns the dabs of a truth as one stroke with a colour for each dab."""
+    camera = next(c for c in session.scene.cameras if c.path == CAMERA)
+    paths = [np.array([xy]) for xy in truth["xy"]]
+    stroke = usdslf.paint_stroke(
+        session.scene, session.tracer, camera, paths, truth["radius"], aspect=SIZE[0] / SIZE[1]
+    )
+    assert len(stroke.counts) == len(paths), "a dab missed its surface"
+    painted = truth["colors_before"] if way == BEFORE else truth["colors"][way]
+    colors = np.repeat(np.array(painted, np.float32), stroke.counts, axis=0)
+    return replace(stroke, colors=colors)
+
+
+def judge(case: Case, truth: dict[str, Any], way: str, report: dict[str, Any], seconds: float) -> Outcome:
+    """Compares a stroke's report with the truth."""
+    key, expected = REPORT_KEY[case.parameter], "none" if way == BEFORE else case.parameter
+    true = np.atleast_1d(truth["before" if way == BEFORE else "after"][key]).astype(float)
+    found = np.atleast_1d(report["after"][key]).astype(float)
+    is_right = report["inferred"] == expected and report["material"] == truth["material"]
+    error = float(np.abs(found - true).max()) if expected in report["inferred"] else float("nan")
+    others = sorted(report.get("alternatives", ()), key=lambda a: a["cost"])[:3]
+    return Outcome(
+        case.name,
+        way,
+        expected,
+        report["inferred"],
+        is_right,
+        error,
+        bool(is_right and error <= TOLERANCE[case.parameter]),
+        tuple(np.round(true, 3).tolist()),
+        tuple(np.round(found, 3).tolist()),
+        " ".join(f"{a['id']}:{a['cost']:.3g}" for a in others),
+        float(report["residual_after"]),
+        seconds,
+        "" if report["material"] == truth["material"] else f"material {report['material']}",
+    )
+
+
+def run(cases: Iterable[Case], ways: Iterable[str] = WAYS, **options: Any) -> Iterator[Outcome]:
+    """Yields the outcomes of all cases; one that fails to run is an outcome too."""
+    for case in cases:
+        try:
+            yield from run_case(case, ways, **options)
+        except Exception as error:
+            traceback.print_exc()
+            note = f"{type(error).__name__}: {error}"
+            for way in ways:
+                nan = float("nan")
+                yield Outcome(
+                    case.name, way, case.parameter, "failed", False, nan, False, (), (), "", nan, 0.0, note
+                )
+
+
+def select(set_name: str = "tuning", names: Iterable[str] = ()) -> list[Case]:
+    """Returns the cases of a set that have a truth and can be decided; names are parts of names."""
+    names = list(names)
+    return [
+        c
+        for c in CASES
+        if set_name in ("all", c.set_name)
+        and (not names or any(n in c.name for n in names))
+        and (names or c.name not in UNDECIDABLE)
+        and (TRUTH / f"{c.name}.json").exists()
+    ]
+
+
+def line(o: Outcome) -> str:
+    """One row of the table."""
+    mark = "ok   " if o.is_right and o.is_close else "value" if o.is_right else "WRONG"
+    values = f"{_numbers(o.true):>17s} {_numbers(o.found):>17s}"
+    what = f"{mark} {o.case:44s} {o.way:6s} {o.expected:10s} {o.inferred:22s}"
+    return f"{what} {values} {o.error:6.3f} {o.seconds:5.1f}  {o.ranking} {o.note}"
+
+
+def _numbers(values: tuple[float, ...]) -> str:
+    return " ".join(f"{v:.3f}" for v in values)
+
+
+@dataclass(frozen=True)
+class Totals:
+    """Counts of one way."""
+
+    way: str
+    strokes: int
+    right: int
+    close: int  # of the right ones
+
+    @property
+    def share(self) -> float:
+        """Of right parameters."""
+        return self.right / max(self.strokes, 1)
+
+    def __str__(self) -> str:
+        percent = 100 * self.share
+        return (
+            f"{self.way:6s} {self.right} of {self.strokes} right ({percent:.1f} %, wanted "
+            f"{100 * WANTED[self.way]:.0f} %), {self.close} of them within tolerance"
+        )
+
+
+def totals(outcomes: list[Outcome]) -> list[Totals]:
+    """Counts by way."""
+    found = []
+    for way in WAYS:
+        of_way = [o for o in outcomes if o.way == way]
+        if of_way:
+            right = [o for o in of_way if o.is_right]
+            found.append(Totals(way, len(of_way), len(right), sum(o.is_close for o in right)))
+    return found
+
+
+def markdown_of_failures(outcomes: list[Outcome]) -> str:
+    """The table of failures for the README."""
+    rows = ["| case | stroke | changed | inferred | true | found |", "|---|---|---|---|---|---|"]
+    for o in outcomes:
+        if not o.is_right or (o.way == "exact" and not o.is_close):
+            cells = (o.case, o.way, o.expected, o.inferred, _numbers(o.true), _numbers(o.found))
+            rows.append(f"| {' | '.join(cells)} |")
+    return "\n".join(rows)
+
+
+def main() -> None:
+    """Prints the table."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("names", nargs="*", help="parts of names; none: all of the set")
+    parser.add_argument("--set", default="tuning", choices=["tuning", "twin", "all"])
+    parser.add_argument("--ways", default=",".join(WAYS), help=f"of {','.join([*WAYS, BEFORE])}")
+    parser.add_argument("--elements", type=int, default=ELEMENTS)
+    parser.add_argument("--json", type=Path)
+    parser.add_argument("--markdown", action="store_true", help="end with a table of failures")
+    a = parser.parse_args()
+    outcomes = []
+    for outcome in run(select("all" if a.names else a.set, a.names), a.ways.split(","), elements=a.elements):
+        outcomes.append(outcome)
+        print(line(outcome), flush=True)
+    for total in totals(outcomes):
+        print(total)
+    if a.markdown:
+        print(markdown_of_failures(outcomes))
+    if a.json:
+        a.json.write_text(json.dumps([asdict(o) for o in outcomes], indent=1))
+
+
+if __name__ == "__main__":
+    main()
