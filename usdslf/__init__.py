@@ -64,7 +64,7 @@ _HOME = {
     "Session": "usdslf.session",
     "open": "usdslf.session",
     "Stroke": "usdslf.strokes.stroke",
-    "paint_stroke": "usdslf.strokes.stroke",
+    "paint_stroke": "usdslf.strokes.paint",
     "read_strokes": "usdslf.usd.stroke_layer",
     "write_strokes": "usdslf.usd.stroke_layer",
 }
