@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from reference.shapes import band, box, corrugated, lamp, make_mesh, make_scene, quad, sphere
+from kit.scene_records import band, box, corrugated, lamp, make_mesh, make_scene, quad, sphere
 from reference.visibility import square_cells
 from scipy.spatial import cKDTree
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from kit.light_field_scenes import Lit, lit, material
+from kit.scene_records import box, quad
 from reference import evidence as ref
 from reference import reflectance as model_ref
 from reference.light_field import closed_box
 from reference.preconvolution import hemisphere
-from reference.shapes import box, quad
 from reference.visibility import square_cells
 
 from usdslf.errors import StrokeError

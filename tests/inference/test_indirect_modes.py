@@ -179,8 +179,8 @@ def test_a_floor_whose_own_look_a_direct_stroke_changes_is_seen_with_it(dull: An
 
 
 def test_a_ring_of_metal_is_authored_with_metallic_and_reads_back(tmp_path: Path) -> None:
-    from test_indirect_caustic import TRUTH, held
-    from test_indirect_caustic import paint as paint_caustic
+    from kit.caustic import TRUTH, held
+    from kit.caustic import paint as paint_caustic
     from truth.recovery.indirect_stages import DULL, RING, build_caustic
 
     session = usdslf.open(str(build_caustic(tmp_path, DULL)), elements=1500)

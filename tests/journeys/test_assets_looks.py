@@ -15,9 +15,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from kit.look_stages import validate as stock
+from kit.real_stages import LAYERS, LIT, UNLIT
 from numpy.typing import NDArray
 from pxr import Sdf, Usd
-from test_assets import LAYERS, LIT, UNLIT
 
 import usdslf
 from usdslf.edits.edits import MaterialChange, Reflectance

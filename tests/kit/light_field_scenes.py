@@ -6,7 +6,7 @@ from dataclasses import dataclass, fields
 from types import SimpleNamespace
 
 import numpy as np
-from reference.shapes import make_scene
+from kit.scene_records import make_scene
 
 from usdslf.elements.elements import ElementLookup, Elements, sample_elements
 from usdslf.gpu.device import Device

@@ -1,7 +1,7 @@
 """A floor under a lamp, of which the radiance has a closed form, for stages that are authored in odd ways.
 
 The floor lies at z = 0, from -2 to 2; it is four quads.  What was painted comes from the float64 model of
-test_session, so that a stage reads, shows and solves rightly only where its floor lies, shines and is bound as it
+lit_plane, so that a stage reads, shows and solves rightly only where its floor lies, shines and is bound as it
 should be.
 """
 
@@ -12,10 +12,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from kit.lit_plane import EYE, FLOOR, LAMP, POWER, SIZE, dabs, places, seen
 from kit.stage_parts import StageBuilder
 from numpy.typing import NDArray
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux, UsdShade
-from test_session import EYE, FLOOR, LAMP, POWER, SIZE, dabs, places, seen
 
 import usdslf
 from usdslf.geometry.closest_point import nearest_on_triangles
@@ -29,6 +29,7 @@ AFTER = FLOOR | {"diffuse": (0.6, 0.15, 0.1)}
 FACES = np.array([[0, 1, 4, 3], [1, 2, 5, 4], [3, 4, 7, 6], [4, 5, 8, 7]])
 GRID = np.array([(x, y, 0.0) for y in (-2, 0, 2) for x in (-2, 0, 2)])
 CAMERA = "/World/camera"
+F = Sdf.ValueTypeNames
 
 
 def floor_shot(folder: Path, up: str = "Y") -> StageBuilder:
@@ -176,3 +177,20 @@ def as_asset(b: StageBuilder, root: str = "/asset") -> Sdf.Layer:
         del asset.GetPrimAtPath(root).nameChildren[name]
     asset.Save()
     return asset
+
+
+# ---- texture coordinates ------------------------------------------------------------------------------------
+def textured(b: StageBuilder, file: str = "./floor.exr", uv_set: str | None = "st") -> UsdShade.Shader:
+    """Drives the floor's diffuse colour by a texture; without a uv set its st has no connection."""
+    texture = UsdShade.Shader.Define(b.stage, "/World/mtl/floor/texture")
+    texture.CreateIdAttr("UsdUVTexture")
+    texture.CreateInput("file", F.Asset).Set(file)
+    for wrap in ("wrapS", "wrapT"):
+        texture.CreateInput(wrap, F.Token).Set("clamp")
+    if uv_set is not None:
+        reader = UsdShade.Shader.Define(b.stage, "/World/mtl/floor/reader")
+        reader.CreateIdAttr("UsdPrimvarReader_float2")
+        reader.CreateInput("varname", F.String).Set(uv_set)
+        texture.CreateInput("st", F.Float2).ConnectToSource(reader.CreateOutput("result", F.Float2))
+    shader_of(b).GetInput("diffuseColor").ConnectToSource(texture.CreateOutput("rgb", F.Float3))
+    return texture

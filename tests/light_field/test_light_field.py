@@ -7,9 +7,9 @@ from dataclasses import fields, replace
 import numpy as np
 import pytest
 from kit.light_field_scenes import Lit, lit, lone_elements, material, of_elements, under_sky, world_bins
+from kit.scene_records import box, lamp, quad, sphere
 from reference import lights as light_ref
 from reference import reflectance as model_ref
-from reference.shapes import box, lamp, quad, sphere
 
 from usdslf.elements.elements import Elements
 from usdslf.gpu.device import Device, Kernel

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from kit.light_field_scenes import Lit, lit, material
+from kit.scene_records import box, lamp, quad, sphere
 from reference import light_field as ref
-from reference.shapes import box, lamp, quad, sphere
 
 from usdslf.gpu.device import Device
 from usdslf.sampling.hemisphere import bin_directions

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from reference.shapes import box, lamp, make_mesh, make_scene, quad, sphere
+from kit.scene_records import box, lamp, make_mesh, make_scene, quad, sphere
 from reference.visibility import first_hits, nearest_elements, square_cells
 
 from usdslf.elements.elements import ElementLookup, sample_elements

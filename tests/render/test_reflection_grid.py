@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 import pytest
+from kit.scene_pictures import camera_at, ground, matte, picture
+from kit.scene_records import make_scene, sphere
 from numpy.typing import NDArray
 from reference.reflectance import ggx, microfacets
-from reference.shapes import make_scene, sphere
-from test_render import camera_at, ground, matte, picture
 
 from usdslf.gpu.device import Device
 from usdslf.render.filter import TILE, LightFilter, tiles_within, worst_tiles

@@ -10,11 +10,12 @@ import numpy as np
 import pytest
 from kit.light_field_scenes import material as specular_workflow
 from kit.light_field_scenes import of_elements
+from kit.scene_pictures import SIZE, camera_at, ground, matte, picture
+from kit.scene_records import band, make_scene, quad, sphere
 from numpy.typing import NDArray
 from pxr import Gf
 from reference import lights as closed
 from reference.reflectance import albedo, integrate_columns, preview_surface
-from reference.shapes import band, make_scene, quad, sphere
 
 import usdslf.render.picture as render_module
 from usdslf.elements.elements import sample_elements
@@ -26,26 +27,16 @@ from usdslf.render.guide import LightGuide
 from usdslf.render.lobes import Lobes, shading_points
 from usdslf.render.picture import AOVS, render
 from usdslf.scene.cameras import camera_rays, project_points
-from usdslf.scene.records import Camera, Light, Material, Scene, Texture, constant
+from usdslf.scene.records import Light, Material, Texture, constant
 from usdslf.surfaces.reflectance import directional_albedo, lobe_parameter
 from usdslf.surfaces.surface_points import evaluate_surface
 
-SIZE = (36, 28)
 NO_LIGHT = LightSet(make_scene(), [])
 
 
 def unguided(device: Device) -> LightGuide:
     """Nothing knows where light comes from."""
     return LightGuide(device, None, None, NO_LIGHT)
-
-
-def camera_at(eye: Sequence[float], target: Sequence[float] = (0, 0, 0), **changes: Any) -> Camera:
-    """A camera with a field of view of 36 degrees, up along y (-z when it looks along y)."""
-    e, t = Gf.Vec3d(*map(float, eye)), Gf.Vec3d(*map(float, target))
-    up = Gf.Vec3d(0, 0, -1) if abs((t - e).GetNormalized()[1]) > 0.99 else Gf.Vec3d(0, 1, 0)
-    m = np.array(Gf.Matrix4d().SetLookAt(e, t, up).GetInverse()).T
-    return Camera(**{**dict(path="/c", world_from_camera=m, horizontal_aperture=36.0, vertical_aperture=24.0,
-                            focal_length=55.0), **changes})  # fmt: skip
 
 
 def white_dome(radiance: float = 1.0) -> Light:
@@ -58,22 +49,6 @@ def looking_down(at: Sequence[float]) -> NDArray:
     m[:3, :3] = [[1, 0, 0], [0, 0, 1], [0, -1, 0]]
     m[:3, 3] = at
     return m
-
-
-def matte(color: Sequence[float] = (0.5, 0.5, 0.5), **inputs: Any) -> Material:
-    """As Lambertian as UsdPreviewSurface gets: F0 = 0, but F90 = 1."""
-    return Material("/matte", diffuse_color=constant(*color), roughness=constant(1.0), ior=constant(1.0), **inputs)
-
-
-def ground(half: float = 1.0, **kw: Any) -> Any:
-    """A square in y = 0 facing up."""
-    return quad((-half, 0, half), (2 * half, 0, 0), (0, 0, -2 * half), **kw)
-
-
-def picture(scene: Scene, camera: Camera, device: Device, light_field: Any = None, **options: Any) -> dict:
-    names = options.pop("aovs", ("color",))
-    size = options.pop("size", SIZE)
-    return render(scene, camera, size, RayTracer(scene), light_field, scene.lights, device, aovs=names, **options)
 
 
 class EvenRadiance:

@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from kit.light_field_scenes import Lit, lit, lone_elements, material, world_bins
-from reference.shapes import quad, sphere
+from kit.scene_records import quad, sphere
 from reference.stylize import masked_light, near_weights
 
 from usdslf.errors import AuthorError, InputError

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from kit.look_stages import author, compose
+from kit.textured_rows import textured_shot
 from numpy.typing import NDArray
 from pxr import Usd
 from scipy.ndimage import uniform_filter
-from test_author_texture import textured_shot
 
 from usdslf.edits.edits import MaterialChange, Reflectance
 from usdslf.scene.records import Scene

@@ -5,10 +5,10 @@
 | shader, interface input, node graph, reference, payload, class, scope of another layer | `test_one_material...` |
 | shared material, by mode | `test_modes_on_a_shared_material` |
 | variant | `test_a_variant_keeps_the_others_as_they_are`, `test_a_binding_of_a_variant...` |
-| instance, nested instance | `test_rows_of_the_table_of_instances`, tests/test_author.py |
-| PointInstancer | `test_prototypes_below_an_over_change_and_are_named`, tests/test_author.py |
+| instance, nested instance | `test_rows_of_the_table_of_instances`, test_author.py |
+| PointInstancer | `test_prototypes_below_an_over_change_and_are_named`, test_author.py |
 | GeomSubset | `test_a_subset_alone_changes` |
-| binding for preview, full, all purposes | tests/test_author.py, `test_final_renders_that_do_not_see_it_are_named` |
+| binding for preview, full, all purposes | test_author.py, `test_final_renders_that_do_not_see_it_are_named` |
 """
 
 from __future__ import annotations

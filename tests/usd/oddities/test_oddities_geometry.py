@@ -1,6 +1,6 @@
 """Odd geometry of real stages: each oddity gives the triangles, the picture and the solved change of the plain way.
 
-The table of all oddities is in test_oddities.
+The table of all oddities is in README.md.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from kit.lit_plane import places
 from kit.oddity_stages import (
     FACES,
     GRID,
@@ -27,7 +28,6 @@ from kit.stage_meshes import box
 from kit.stage_parts import StageBuilder
 from numpy.typing import NDArray
 from pxr import Gf, Sdf, UsdGeom
-from test_session import places
 
 import usdslf
 from usdslf.usd.read.read import read_scene

@@ -1,6 +1,6 @@
 """Odd materials and textures of real stages: shown as the plain way, solved as the closed form, or named in a warning.
 
-The table of all oddities is in test_oddities.
+The table of all oddities is in README.md.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from kit.lit_plane import FLOOR, places
 from kit.oddity_stages import (
     AFTER,
     FACES,
@@ -31,7 +32,6 @@ from kit.oddity_stages import (
 from kit.stage_parts import StageBuilder
 from numpy.typing import NDArray
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, Vt
-from test_session import FLOOR, places
 
 import usdslf
 from usdslf.errors import AuthorError

@@ -1,6 +1,6 @@
 """Odd light, composition, units and time of real stages: read, shown and solved as the plain way, or said.
 
-The table of all oddities is in test_oddities.
+The table of all oddities is in README.md.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from kit.lit_plane import FLOOR, LAMP, POWER, SIZE, places
 from kit.oddity_stages import (
     GRID,
     add_floor,
@@ -31,7 +32,6 @@ from kit.oddity_stages import (
 )
 from kit.stage_parts import StageBuilder
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux, UsdShade, UsdSkel
-from test_session import FLOOR, LAMP, POWER, SIZE, places
 
 import usdslf
 from usdslf.usd.read.read import read_scene

@@ -1,6 +1,6 @@
 """Odd textures and texture coordinates of real stages: closed forms of what shows, and solves through them.
 
-The table of all oddities is in test_oddities.
+The table of all oddities is in README.md.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from kit.lit_plane import FLOOR, places
 from kit.oddity_stages import (
     AFTER,
     FACES,
@@ -22,13 +23,13 @@ from kit.oddity_stages import (
     shader_of,
     shown_alike,
     solves_and_shows,
+    textured,
     warnings_of,
 )
 from kit.stage_parts import StageBuilder
 from kit.stage_textures import write_image
 from numpy.typing import NDArray
 from pxr import Gf, Sdf, UsdGeom, UsdShade
-from test_session import FLOOR, places
 
 import usdslf
 from usdslf.scene.records import Texture
@@ -36,23 +37,6 @@ from usdslf.usd.read.read import read_scene
 
 Run = Callable[..., tuple[int, str, str]]
 F = Sdf.ValueTypeNames
-
-
-# ---- texture coordinates ------------------------------------------------------------------------------------
-def textured(b: StageBuilder, file: str = "./floor.exr", uv_set: str | None = "st") -> UsdShade.Shader:
-    """Drives the floor's diffuse colour by a texture; without a uv set its st has no connection."""
-    texture = UsdShade.Shader.Define(b.stage, "/World/mtl/floor/texture")
-    texture.CreateIdAttr("UsdUVTexture")
-    texture.CreateInput("file", F.Asset).Set(file)
-    for wrap in ("wrapS", "wrapT"):
-        texture.CreateInput(wrap, F.Token).Set("clamp")
-    if uv_set is not None:
-        reader = UsdShade.Shader.Define(b.stage, "/World/mtl/floor/reader")
-        reader.CreateIdAttr("UsdPrimvarReader_float2")
-        reader.CreateInput("varname", F.String).Set(uv_set)
-        texture.CreateInput("st", F.Float2).ConnectToSource(reader.CreateOutput("result", F.Float2))
-    shader_of(b).GetInput("diffuseColor").ConnectToSource(texture.CreateOutput("rgb", F.Float3))
-    return texture
 
 
 def ramp_image(size: int = 8) -> NDArray:

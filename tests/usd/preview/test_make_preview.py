@@ -13,11 +13,11 @@ from pathlib import Path
 import numpy as np
 import OpenImageIO
 import pytest
+from kit.lit_plane import dabs, places, seen, write_plane
 from kit.look_stages import validate
+from kit.shader_nodes import Nodes
 from numpy.testing import assert_allclose
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, UsdUtils
-from test_preview_look import Nodes
-from test_session import dabs, places, seen, write_plane
 
 import usdslf
 from usdslf.errors import AuthorError

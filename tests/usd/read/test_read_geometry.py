@@ -10,8 +10,8 @@ import pytest
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, UsdSkel, Vt
 
 from usdslf.scene.records import Mesh
-from usdslf.usd.read.geometry import read_meshes
 from usdslf.usd.read import geometry
+from usdslf.usd.read.geometry import read_meshes
 
 DEFAULT = Usd.TimeCode.Default()
 SQUARE = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)]

@@ -7,12 +7,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from kit.oddity_stages import AFTER, GRID, as_asset, evaluate_at, floor_of, floor_shot, solved
+from kit.lit_plane import FLOOR, places
+from kit.oddity_stages import AFTER, GRID, as_asset, evaluate_at, floor_of, floor_shot, solved, textured
 from kit.stage_parts import StageBuilder
 from kit.stage_textures import write_image
 from pxr import Gf, Sdf, Usd, UsdGeom, Vt
-from test_oddities_textures import textured
-from test_session import FLOOR, places
 
 from usdslf.usd.layer.wins import why_hidden
 from usdslf.usd.read.read import read_scene
