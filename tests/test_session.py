@@ -72,7 +72,6 @@ def test_the_report_holds_what_was_agreed_and_is_json(session: Session) -> None:
     assert (report["elements"], report["directions"]) == (150, 1024)
     assert report["stage"].endswith("stage.usda")
     assert report["seconds"].keys() >= {"read", "elements", "visibility", "light", "solve"}
-    assert all(v >= 0 for v in report["seconds"].values())
     (stroke,) = report["strokes"]
     assert stroke.keys() >= {
         "path", "surface", "material", "inferred", "before", "after", "residual_before", "residual_after",

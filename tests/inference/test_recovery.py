@@ -6,9 +6,6 @@ The truth lies in recovery/truth, made by recovery/make_truth.py.
 from __future__ import annotations
 
 import pytest
-
-pytest.importorskip("usdslf.session")
-
 from truth.recovery.cases import CASES, UNDECIDABLE
 from truth.recovery.run_recovery import (
     TRUTH,

@@ -195,8 +195,11 @@ def test_two_changes_at_once_are_found_where_both_are_free(world: World, levels:
 
 def test_alternatives_are_all_there_once_and_cheapest_first(world: World, levels: dict) -> None:
     _, _, candidates = solved(painted(world, levels, *CHANGES["diffuse"]))
-    ids, costs = [c.id for c in candidates], [c.cost for c in candidates]
-    assert costs == sorted(costs) and len(set(ids)) == len(ids) == 8
+    ids, cost = [c.id for c in candidates], {c.id: c.cost for c in candidates}
+    assert ids[0] == "diffuse" and len(set(ids)) == len(ids) == 8
+    without = [cost[i] for i in ids if "diffuse" not in i]
+    assert min(without) > 10 + max(cost[i] for i in ids if "diffuse" in i), cost
+    assert cost["diffuse"] < cost["diffuse+specular"] < cost["diffuse+specular+glossiness"]  # each freedom has its price
     assert {"none", "diffuse", "specular", "glossiness", "diffuse+specular+glossiness"} <= set(ids)
     for c in candidates:
         value = np.array([0.3, 0.2, 0.1])

@@ -222,8 +222,8 @@ def test_bench_prints_the_agreed_table(run: Run, monkeypatch: pytest.MonkeyPatch
     moved = rows["visibility, one object moved"]
     assert moved["ratio"] == pytest.approx(moved["seconds"] / moved["limit_seconds"])
     assert "everything" in moved["limit"]
-    assert all(row["seconds"] >= 0 for row in rows.values())
-    assert found["memory_bytes"] > 0 and found["total_seconds"] > 0
+    assert found["total_seconds"] >= max(row["seconds"] for row in rows.values()) > 0
+    assert found["memory_bytes"] > 0
 
 
 # ── bad input ────────────────────────────────────────────────────────────────────────────────────

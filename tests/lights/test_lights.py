@@ -493,7 +493,7 @@ def test_a_small_light_is_in_the_bin_of_its_direction() -> None:
             x /= np.linalg.norm(x)
             light = replace(light_of("distant", np.stack([x, np.cross(w, x), w], 1)), angle=angle)
             got = static_light(elements, Nothing(), (light,)).diffuse[..., 0]
-            for one, frame in zip(got, elements.frame):
+            for one, frame in zip(got, elements.frame, strict=True):
                 nearest = bin_directions()[one.argmax()] @ frame
                 assert nearest @ w > np.cos(np.radians(5.5)), (w, nearest)  # a bin's half diagonal
                 assert (one > 0).sum() <= 4

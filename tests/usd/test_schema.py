@@ -34,6 +34,7 @@ def test_source_and_generated_schema_agree() -> None:
     source = Sdf.Layer.OpenAsAnonymous(str(ROOT / "schemas/generatedSchema.usda"))
     text = (ROOT / "schemas/schema.usda").read_text()
     spec = source.GetPrimAtPath("/SlfStrokeAPI")
+    assert len(spec.attributes) + len(spec.relationships) == 14
     for name, attribute in spec.attributes.items():
         assert name in text
         if attribute.default is not None and attribute.typeName == "token":
