@@ -199,7 +199,7 @@ def test_alternatives_are_all_there_once_and_cheapest_first(world: World, levels
     assert ids[0] == "diffuse" and len(set(ids)) == len(ids) == 8
     without = [cost[i] for i in ids if "diffuse" not in i]
     assert min(without) > 10 + max(cost[i] for i in ids if "diffuse" in i), cost
-    assert cost["diffuse"] < cost["diffuse+specular"] < cost["diffuse+specular+glossiness"]  # each freedom has its price
+    assert cost["diffuse"] < cost["diffuse+specular"] < cost["diffuse+specular+glossiness"]  # freedom costs
     assert {"none", "diffuse", "specular", "glossiness", "diffuse+specular+glossiness"} <= set(ids)
     for c in candidates:
         value = np.array([0.3, 0.2, 0.1])
