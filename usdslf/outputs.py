@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from usdslf.color import color_of
 from usdslf.errors import InputError, UsdslfError
 from usdslf.render.picture import AOVS
+from usdslf.replacing import replacing
 from usdslf.scene.records import Scene
 from usdslf.textures.images import write_image
 
@@ -77,11 +78,5 @@ def write_json(path: str | Path, values: Any) -> None:
     """Writes JSON through a temporary file.  Raises InputError where the place cannot be written."""
     path = Path(path)
     check_place(path)
-    temporary = path.with_name(f".{path.name}.{os.getpid()}")
-    try:
+    with replacing(path) as temporary:
         temporary.write_text(json.dumps(values, indent=2, allow_nan=False) + "\n", encoding="utf-8")
-        temporary.replace(path)
-    except OSError as error:
-        temporary.unlink(missing_ok=True)
-        reason = error.strerror or error
-        raise InputError(f"{path} cannot be written: {reason}; choose another place") from None

@@ -202,7 +202,7 @@ def test_texels_of_two_places_and_no_texels_are_said(tmp_path: Path) -> None:
         bake(scene, texture, faces, constant_delta(0.1, 0, 0), tmp_path, warnings=warnings)
         assert len(warnings) == 1 and said in warnings[0].replace("also show", "show")
     outside = texture_of(tmp_path / "a.exr", wrap_s="clamp", wrap_t="clamp")
-    with pytest.raises(AuthorError, match="Nothing that was painted"):
+    with pytest.raises(AuthorError, match="nothing that was painted"):
         bake(scene, outside, [2], constant_delta(0, 0, 0), tmp_path / "none")
     assert not list((tmp_path / "none").iterdir())
 

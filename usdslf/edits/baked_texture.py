@@ -24,6 +24,7 @@ from scipy.spatial import cKDTree
 
 from usdslf.color import Color, color_of
 from usdslf.errors import AuthorError
+from usdslf.replacing import beside, put_in_place
 from usdslf.scene.records import F32, F64, Scene, Texture
 from usdslf.textures.images import load_texture
 from usdslf.textures.rasterize import nearest_covered, texel_points
@@ -95,7 +96,7 @@ def bake_texture(
     at = ["rgba".index(c) for c in texture.channels]
     gain = np.asarray(texture.scale, np.float64)[at]
     if (np.abs(gain) < 1e-6).any():
-        raise AuthorError(f"{texture.prim} scales its texels by zero: set its scale to one to paint on it.")
+        raise AuthorError(f"{texture.prim} scales its texels by zero: set its scale to one to paint on it")
     folder = Path(folder)
     written: list[tuple[int, Path]] = []
     digest, sums, twice, shared = hashlib.sha256(), np.zeros((3, 4)), 0, 0
@@ -110,23 +111,21 @@ def bake_texture(
             used = _covered(pixels.shape[:2], uv_others - cell, wraps)
             twice, shared = twice + int((hits > 1).sum()), shared + int((used & (hits > 0)).sum())
             sums += _add(pixels, change / gain, hits > 0, used, at, border, wraps)
-            temporary = folder / f".{stem}.{tile}.{os.getpid()}.exr"
-            _write(temporary, pixels, space, wraps)
+            temporary = beside(folder / f"{stem}.{tile}.exr")
             written.append((tile, temporary))
+            _write(temporary, pixels, space, wraps)
             digest.update(f"{tile} {pixels.shape} {wraps} {space}".encode())
             digest.update(np.ascontiguousarray(pixels).data)
             del pixels, change, hits, used  # before those of the next tile are made
         if not sums[0, 0]:
             raise AuthorError(
-                f"Nothing that was painted lies on {texture.path or texture.prim}: check its uvs."
+                f"nothing that was painted lies on {texture.path or texture.prim}: check its uvs"
             )
         name = f"{stem}_{digest.hexdigest()[:12]}"
         for tile, temporary in written:
-            os.replace(temporary, folder / (f"{name}.{tile}.exr" if tile else f"{name}.exr"))
+            put_in_place(temporary, folder / (f"{name}.{tile}.exr" if tile else f"{name}.exr"))
     except OSError as error:
-        raise AuthorError(
-            f"Cannot write {folder}: {error.strerror or error}; choose another place."
-        ) from None
+        raise AuthorError(f"{folder} cannot be written: {error.strerror or error}; choose another place") from None
     finally:
         for _, temporary in written:
             temporary.unlink(missing_ok=True)
@@ -212,7 +211,7 @@ def _plain(texture: Texture, size: tuple[int, int] | None) -> dict[int, Image]:
     """One colour, where no file is named."""
     if texture.path:
         raise AuthorError(
-            f"The texture {texture.path} of {texture.prim} cannot be read: restore it to paint on it."
+            f"the texture {texture.path} of {texture.prim} cannot be read: restore it to paint on it"
         )
     width, height = size or (PLAIN_SIZE, PLAIN_SIZE)
     values = np.asarray(texture.fallback, np.float16)[: _NEEDED[texture.channels]]

@@ -117,10 +117,10 @@ def material_change_to_input_edits(change: MaterialChange) -> list[InputEdit]:
     if m.why_not_editable:
         more = len(change.targets) - 3
         named = ", ".join(change.targets[:3]) + (f" and {more} more" if more > 0 else "")
-        raise AuthorError(f"The material of {named} stays: {m.why_not_editable}.")
+        raise AuthorError(f"the material of {named} stays: {m.why_not_editable}")
     wanted = change.after
     if not np.isfinite([*wanted.diffuse, *wanted.f0, wanted.roughness]).all():
-        raise AuthorError(f"The change of {m.path} is not finite: solve again with fewer strokes.")
+        raise AuthorError(f"the change of {m.path} is not finite: solve again with fewer strokes")
     before, opacity = _inputs_before(change)
     d, f0 = reflectance_of(before)
     textured = any(_is_driven(v) for v in (m.diffuse_color, m.metallic, m.ior, m.specular_color))

@@ -11,6 +11,7 @@ from usdslf.gallery import ENTRIES
 from usdslf.gallery.page import Page, index_page
 from usdslf.gallery.play import Play
 from usdslf.gallery.records import Entry
+from usdslf.replacing import replacing
 
 if TYPE_CHECKING:
     from usdslf.session import Say
@@ -60,7 +61,8 @@ def run_demos(
                 raise
             error = str(bad)
         pages.append(Page(entry, play, error))
-        (Path(output) / "index.html").write_text(index_page(pages), encoding="utf-8")
+        with replacing(Path(output) / "index.html") as temporary:
+            temporary.write_text(index_page(pages), encoding="utf-8")
         yield from _lines(pages[-1])
     yield f"pictures: {Path(output) / 'index.html'}"
     failed = [p.entry.name for p in pages if p.error]

@@ -20,6 +20,7 @@ from usdslf.color import color_of
 from usdslf.errors import AuthorError, StrokeError
 from usdslf.gallery.records import Dabs, Entry, Picture, Shown, Step
 from usdslf.outputs import write_json, write_picture
+from usdslf.replacing import replacing
 from usdslf.report import lines_of_report
 from usdslf.session import Session
 from usdslf.strokes.overlay import draw_strokes
@@ -185,7 +186,8 @@ class Play:
 
     def drawing(self, name: str, svg: str, caption: str) -> None:
         """Writes a drawing for the page."""
-        (self.folder / f"{name}.svg").write_text(svg, encoding="utf-8")
+        with replacing(self.folder / f"{name}.svg") as temporary:
+            temporary.write_text(svg, encoding="utf-8")
         self.extras.append(Picture(f"{name}.svg", caption))
 
     @property

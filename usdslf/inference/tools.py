@@ -263,5 +263,5 @@ def offset_on_picture(
         ends.append((seen, points_on_triangles(scene, np.maximum(hits.triangle, 0), hits.barycentric)[0]))
     both = np.flatnonzero(ends[0][0] & ends[1][0])
     if not len(both):
-        raise StrokeError("The clone offset leads off every surface that the camera sees: choose another one.")
+        raise StrokeError("the clone offset leads off every surface that the camera sees: choose another one")
     return [float(x) for x in ends[1][1][both[0]] - ends[0][1][both[0]]]

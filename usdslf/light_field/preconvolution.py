@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import hashlib
 import os
-import tempfile
 import zipfile
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -22,8 +21,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from usdslf.errors import UsdslfError
 from usdslf.gpu.device import Device
 from usdslf.gpu.source import kernel_source
+from usdslf.replacing import replacing
 from usdslf.sampling.hemisphere import SIDE, D, bin_directions
 from usdslf.surfaces.reflectance import directional_albedo, lobe_parameter
 
@@ -226,8 +227,7 @@ def _write_cache(file: Path, level: LevelKernel) -> None:
     arrays = {name: value for name, value in vars(level).items() if value is not None}
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.NamedTemporaryFile(dir=file.parent, suffix=".npz", delete=False) as out:
-            np.savez(out, **arrays)
-        os.replace(out.name, file)
-    except OSError:
+        with replacing(file) as temporary:
+            np.savez(temporary, **arrays)
+    except (OSError, UsdslfError):
         pass

@@ -62,8 +62,8 @@ def locate_stroke(scene: Scene, stroke: Stroke, warnings: list[str] | None = Non
         gone = [p for p, m in zip(stroke.surfaces, meshes) if not m]
         if len(gone) == len(meshes):
             raise StrokeError(
-                f"Stroke {stroke.path} was painted on {gone[0]}, which {scene.stage} does not show: use "
-                "strokes of this stage, or clear slf:surfaces to project them onto it."
+                f"stroke {stroke.path} was painted on {gone[0]}, which {scene.stage} does not show: use "
+                "strokes of this stage, or clear slf:surfaces to project them onto it"
             )
         said += [f"Stroke {stroke.path}: {p} is not in the stage; what is near is used." for p in gone]
         if stroke.has_anchors:
@@ -77,7 +77,7 @@ def locate_stroke(scene: Scene, stroke: Stroke, warnings: list[str] | None = Non
         uv[rows] = found.barycentric
         if not (triangle >= 0).any():
             raise StrokeError(
-                f"Stroke {stroke.path} lies off every surface of {scene.stage}: use strokes of this stage."
+                f"stroke {stroke.path} lies off every surface of {scene.stage}: use strokes of this stage"
             )
         if not near.all():
             off = int((~near).sum())

@@ -62,14 +62,14 @@ def paint_stroke(
         StrokeError: nothing is hit, or a value cannot be meant.
     """
     if not (np.isfinite(radius) and radius > 0):
-        raise StrokeError(f"The brush radius {radius:g} is not positive: it is a share of picture height.")
+        raise StrokeError(f"the brush radius {radius:g} is not positive: it is a share of picture height")
     if not (np.isfinite(color).all() and np.shape(color) == (3,)):
-        raise StrokeError(f"The colour {np.asarray(color).tolist()} is not three finite numbers: give R,G,B.")
+        raise StrokeError(f"the colour {np.asarray(color).tolist()} is not three finite numbers: give R,G,B")
     if aspect is None:
         aspect = image.shape[1] / image.shape[0] if image is not None else film_aspect(camera)
     curves = [_resample(path, spacing * radius, aspect) for path in paths]
     if not sum(map(len, curves)):
-        raise StrokeError("The stroke's path is empty: give at least one point x,y in 0..1.")
+        raise StrokeError("the stroke's path is empty: give at least one point x,y in 0..1")
     at = np.concatenate(curves)
     curve = np.repeat(np.arange(len(curves)), [len(c) for c in curves])
 
@@ -78,7 +78,7 @@ def paint_stroke(
     hit = (hits.triangle >= 0) & (hits.distance <= rays.limit)
     if not hit.any():
         raise StrokeError(
-            f"The stroke lies off every surface that the camera {camera.path} sees: move its path onto one."
+            f"the stroke lies off every surface that the camera {camera.path} sees: move its path onto one"
         )
     at, curve, triangle = at[hit], curve[hit], hits.triangle[hit]
     uv = hits.barycentric[hit].astype(np.float32)
@@ -145,7 +145,7 @@ def _resample(path: ArrayLike, step: float, aspect: float) -> F64:
     """Returns points (n, 2) along a path at equal distances of at most `step` picture heights."""
     at = np.asarray(path, np.float64)
     if at.ndim != 2 or at.shape[1] != 2 or not np.isfinite(at).all():
-        raise StrokeError("A stroke's path has points that are not two finite numbers: give x,y in 0..1.")
+        raise StrokeError("a stroke's path has points that are not two finite numbers: give x,y in 0..1")
     if len(at) < 2:
         return at
     along = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(at, axis=0) * [aspect, 1], axis=1))])

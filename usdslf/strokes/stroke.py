@@ -82,11 +82,11 @@ class Stroke:
 def validate_stroke(stroke: Stroke) -> None:
     """Raises StrokeError, in one sentence, for a stroke that says nothing or something impossible."""
     s, n = stroke, len(stroke.points)
-    where = f"Stroke {s.path}"
+    where = f"stroke {s.path}"
     if not re.fullmatch(r"[A-Za-z_]\w*", s.name):
-        raise StrokeError(f"{where} has the name {s.name!r}: use letters, digits and _.")
+        raise StrokeError(f"{where} has the name {s.name!r}: use letters, digits and _")
     if n == 0:
-        raise StrokeError(f"{where} is empty: paint at least one point or remove it.")
+        raise StrokeError(f"{where} is empty: paint at least one point or remove it")
     shapes = {"points": (n, 3), "widths": (n,), "colors": (n, 3), "eye": (n, 3)}
     shapes |= {"normals": (n, 3)} if len(s.normals) else {}
     if len(s.surface_index) or len(s.face) or len(s.barycentric):
@@ -94,26 +94,26 @@ def validate_stroke(stroke: Stroke) -> None:
     for name, shape in shapes.items():
         value = np.asarray(getattr(s, name))
         if value.shape != shape:
-            raise StrokeError(f"{where} has {name} of shape {value.shape} for {n} points: paint it again.")
+            raise StrokeError(f"{where} has {name} of shape {value.shape} for {n} points: paint it again")
         if not np.isfinite(value).all():
-            raise StrokeError(f"{where} has {name} that are not finite numbers: paint it again.")
+            raise StrokeError(f"{where} has {name} that are not finite numbers: paint it again")
     if (s.widths <= 0).any():
-        raise StrokeError(f"{where} has a brush width of zero or less: give a positive one.")
+        raise StrokeError(f"{where} has a brush width of zero or less: give a positive one")
     if any(c < 2 for c in s.counts) or sum(s.counts) != n:
-        raise StrokeError(f"{where} has curves of {list(s.counts)} points for {n}: each needs two or more.")
+        raise StrokeError(f"{where} has curves of {list(s.counts)} points for {n}: each needs two or more")
     choices = {"tool": TOOLS, "mode": MODES, "space": SPACES, "norm": NORMS, "scope": SCOPES}
     for name, allowed in choices.items():
         if getattr(s, name) not in allowed:
             known = ", ".join(allowed)
-            raise StrokeError(f"{where} has the unknown {name} {getattr(s, name)!r}: use one of {known}.")
+            raise StrokeError(f"{where} has the unknown {name} {getattr(s, name)!r}: use one of {known}")
     if not 0 <= s.strength <= 1:
-        raise StrokeError(f"{where} has a strength of {s.strength:g}: it lies in 0..1.")
+        raise StrokeError(f"{where} has a strength of {s.strength:g}: it lies in 0..1")
     if not np.isfinite(s.clone_offset).all():
-        raise StrokeError(f"{where} has a clone offset that is no finite number: choose the source again.")
+        raise StrokeError(f"{where} has a clone offset that is no finite number: choose the source again")
     if s.tool == "clone" and not np.any(s.clone_offset):
-        raise StrokeError(f"{where} clones from itself: give it a clone offset.")
+        raise StrokeError(f"{where} clones from itself: give it a clone offset")
     if s.has_anchors and ((s.surface_index < -1) | (s.surface_index >= len(s.surfaces))).any():
-        raise StrokeError(f"{where} points to surfaces that it does not list: paint it again.")
+        raise StrokeError(f"{where} points to surfaces that it does not list: paint it again")
 
 
 def dab_rows(stroke: Stroke) -> NDArray[np.int64]:

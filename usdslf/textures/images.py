@@ -6,7 +6,6 @@ the lower left corner of the picture, texel centres are at (i + 0.5) / size.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
@@ -16,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from usdslf.color import USD_DEFAULT_SPACE, Color, color_of
 from usdslf.errors import InputError
+from usdslf.replacing import replacing
 from usdslf.scene.records import F32, Texture
 from usdslf.textures.files import open_image
 from usdslf.textures.store import Image, load_image, read_whole, say_damaged
@@ -232,19 +232,13 @@ def write_image(
         values = np.nan_to_num(np.clip(values, 0, 1))
     for name, value in (metadata or {}).items():
         spec.attribute(name, value)
-    temporary = path.with_name(f".{path.stem}.{os.getpid()}{suffix}")
-    try:
+    with replacing(path) as temporary:
         output = oiio.ImageOutput.create(str(temporary))
         if not output or not output.open(str(temporary), spec):
             raise OSError(output.geterror() if output else oiio.geterror())
         done = output.write_image(values)
         if not output.close() or not done:
             raise OSError(output.geterror())
-        os.replace(temporary, path)
-    except OSError as e:
-        temporary.unlink(missing_ok=True)
-        reason = " ".join(str(e).split())
-        raise InputError(f"{path} cannot be written, check the folder and its rights: {reason}") from None
     return path
 
 

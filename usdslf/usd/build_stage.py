@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux, UsdShade, Vt
 
-from usdslf.errors import AuthorError
 from usdslf.procedural.shot import Inputs, Lamp, Part, Shot, View
+from usdslf.usd.files import write_layer
 
 Names = Sdf.ValueTypeNames
 COLORS = ("diffuseColor", "emissiveColor", "specularColor")
@@ -27,7 +27,7 @@ def write_stage(shot: Shot, folder: Path, name: str = "shot.usda") -> Path:
     _fill(shot, root, objects)
     root.subLayerPaths[:] = ["./objects.usdc"]
     for layer, file in ((objects, "objects.usdc"), (root, name)):
-        _write(layer, folder / file)
+        write_layer(layer, folder / file)
     return folder / name
 
 
@@ -51,14 +51,6 @@ def _fill(shot: Shot, root: Sdf.Layer, objects: Sdf.Layer) -> None:
     objects.defaultPrim = root.defaultPrim
     for key in ("metersPerUnit", "upAxis"):
         objects.pseudoRoot.SetInfo(key, root.pseudoRoot.GetInfo(key))
-
-
-def _write(layer: Sdf.Layer, path: Path) -> None:
-    try:
-        if not layer.Export(str(path)):
-            raise OSError("USD could not write it")
-    except (OSError, RuntimeError) as error:
-        raise AuthorError(f"{path} cannot be written ({error}); choose another folder with -o") from error
 
 
 def _add_lamp(stage: Usd.Stage, path: str, lamp: Lamp) -> None:

@@ -1,6 +1,5 @@
-"""Files that are whole or not there: written beside their place and renamed into it.
+"""Layers on disk: written whole or not at all, and the files that they name.
 
-    replacing(path) -> context manager of a temporary Path     renamed to `path` if the block ends well
     write_layer(layer, path) -> None                           a USD layer; same layer, same bytes
     check_layer_place(path) -> None                            whether there can be one
     assets_of(layer) -> list[str]                              what its attributes name
@@ -9,40 +8,13 @@
 
 from __future__ import annotations
 
-import contextlib
 import os
-from collections.abc import Iterator
 from pathlib import Path
 
 from pxr import Sdf, Tf
 
 from usdslf.errors import AuthorError
-
-
-@contextlib.contextmanager
-def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
-    """Yields a temporary name beside `path`, and renames it to `path` when the block ends without error.
-
-    A failed or killed run leaves the earlier file untouched.
-
-    Raises:
-        AuthorError: the folder is missing, or the file cannot be written.
-    """
-    path = Path(path)
-    folder = path.parent
-    _check_place(path)
-    # The suffix stays last, since it decides the format.
-    temporary = folder / f".{path.stem}.{os.getpid()}{path.suffix}"
-    try:
-        yield temporary
-        with temporary.open("rb") as written:
-            os.fsync(written.fileno())
-        temporary.replace(path)
-    except OSError as error:
-        raise AuthorError(f"Cannot write {path}: {error.strerror or error}; choose another place.") from None
-    finally:
-        with contextlib.suppress(OSError):
-            temporary.unlink(missing_ok=True)
+from usdslf.replacing import replacing
 
 
 def write_layer(layer: Sdf.Layer, path: str | os.PathLike[str]) -> None:
@@ -53,7 +25,7 @@ def write_layer(layer: Sdf.Layer, path: str | os.PathLike[str]) -> None:
     """
     path = Path(path)
     check_layer_place(path)
-    with replacing(path) as temporary:
+    with replacing(path, AuthorError) as temporary:
         # Export prints to stderr before it raises: try the place first.
         temporary.touch()
         try:
@@ -61,7 +33,7 @@ def write_layer(layer: Sdf.Layer, path: str | os.PathLike[str]) -> None:
         except Tf.ErrorException:
             written = False
         if not written:
-            raise AuthorError(f"Cannot write {path}: the disk may be full or the folder read-only.")
+            raise OSError("the disk may be full or the folder read-only")
     opened = Sdf.Layer.Find(str(path.resolve())) or Sdf.Layer.Find(str(path))
     if opened:
         opened.Reload(force=True)
@@ -70,15 +42,11 @@ def write_layer(layer: Sdf.Layer, path: str | os.PathLike[str]) -> None:
 def check_layer_place(path: Path) -> None:
     """Raises AuthorError where no layer can be: another suffix, no folder, or a folder itself."""
     if path.suffix not in (".usda", ".usd", ".usdc"):
-        raise AuthorError(f"Cannot write {path}: USD layers end in .usda, .usd or .usdc.")
-    _check_place(path)
-
-
-def _check_place(path: Path) -> None:
+        raise AuthorError(f"{path} cannot be written: layers end in .usda, .usd or .usdc; choose another name")
     if not path.parent.is_dir():
-        raise AuthorError(f"Cannot write {path}: there is no folder {path.parent}; create it first.")
+        raise AuthorError(f"{path} cannot be written: there is no folder {path.parent}; create it first")
     if path.is_dir():
-        raise AuthorError(f"Cannot write {path}: it is a folder; give the name of a file.")
+        raise AuthorError(f"{path} cannot be written: it is a folder; give the name of a file")
 
 
 def relative_path(target: str | os.PathLike[str], folder: str | os.PathLike[str]) -> str:

@@ -96,14 +96,14 @@ def register_schema() -> None:
     folder = schema_folder()
     if not folder:
         places = " or ".join(str(p) for p in PLACES)
-        raise SchemaError(f"The stroke schema is missing from {places}: install usdslf again.")
+        raise SchemaError(f"the stroke schema is missing from {places}: install usdslf again")
     if reason := register_plugin(folder):
-        raise SchemaError(f"The schema plugin {folder} is damaged ({reason}): reinstall usdslf.")
+        raise SchemaError(f"the schema plugin {folder} is damaged ({reason}): reinstall usdslf")
     missing = missing_properties()
     if len(missing) == len(PROPERTIES):
         raise SchemaError(
             f"USD did not take {API_SCHEMA} from {folder}, its schemas were in use before or the files are "
-            f"damaged: import usdslf before a stage is opened, or set {VARIABLE} to that folder."
+            f"damaged: import usdslf before a stage is opened, or set {VARIABLE} to that folder"
         )
     if missing:
-        raise SchemaError(f"The schema in {folder} has no {', '.join(missing)}: install usdslf again.")
+        raise SchemaError(f"the schema in {folder} has no {', '.join(missing)}: install usdslf again")

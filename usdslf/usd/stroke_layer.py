@@ -41,15 +41,15 @@ def read_strokes(path: str | os.PathLike[str], warnings: list[str] | None = None
     register_schema()
     said = warnings if warnings is not None else []
     if not Path(path).is_file():
-        raise StrokeError(f"There is no stroke layer {path}: paint one with `usdslf stroke`.")
+        raise StrokeError(f"there is no stroke layer {path}: paint one with `usdslf stroke`")
     try:
         with quiet_usd():
             stage = Usd.Stage.Open(_open_layer(path), None, load=Usd.Stage.LoadAll)
     except Tf.ErrorException:
-        raise StrokeError(f"The stroke layer {path} does not compose: paint into a new one.") from None
+        raise StrokeError(f"the stroke layer {path} does not compose: paint into a new one") from None
     prims = [p for p in _all_prims(stage.GetPseudoRoot()) if _is_stroke(p)]
     if not prims and not (stage.GetDefaultPrim() and stage.GetDefaultPrim().GetName() == SCOPE):
-        raise StrokeError(f"{path} holds no strokes: paint one with `usdslf stroke`.")
+        raise StrokeError(f"{path} holds no strokes: paint one with `usdslf stroke`")
     strokes = [_read_stroke(prim, said) for prim in prims]
     for stroke in strokes:
         validate_stroke(stroke)
@@ -68,14 +68,14 @@ def write_strokes(path: str | os.PathLike[str], strokes: Sequence[Stroke], shot_
         validate_stroke(stroke)
     names = [s.name for s in strokes]
     if twice := sorted({n for n in names if names.count(n) > 1}):
-        raise StrokeError(f"Two strokes have the name {twice[0]}: rename one.")
+        raise StrokeError(f"two strokes have the name {twice[0]}: rename one")
     if Path(path).resolve() in shot_files(shot_stage):
-        raise AuthorError(f"{path} is part of the shot, which is never written to: choose another file.")
+        raise AuthorError(f"{path} is part of the shot, which is never written to: choose another file")
     layer = Sdf.Layer.CreateAnonymous(".usda")
     if Path(path).is_file() and Path(path).stat().st_size:
         earlier = _open_layer(path)
         if earlier.defaultPrim != SCOPE:
-            raise StrokeError(f"{path} exists and is not a stroke layer: choose another file.")
+            raise StrokeError(f"{path} exists and is not a stroke layer: choose another file")
         layer.TransferContent(earlier)
     with Sdf.ChangeBlock():
         copy_shot_metadata(shot_stage, layer)
@@ -95,7 +95,7 @@ def _open_layer(path: str | os.PathLike[str]) -> Sdf.Layer:
     except Tf.ErrorException:
         layer = None
     if not layer:
-        raise StrokeError(f"{path} is no USD layer, or a damaged one: restore it or use a new file.")
+        raise StrokeError(f"{path} is no USD layer, or a damaged one: restore it or use a new file")
     return layer
 
 
@@ -140,14 +140,14 @@ def _read_stroke(prim: Usd.Prim, said: list[str]) -> Stroke:
     missing = [name for name in needed if not len(_array(prim, name, 1))]
     missing += ["slf:tool"] if _value(prim, "slf:tool") is None else []
     if missing:
-        raise StrokeError(f"Stroke {path} has no {', '.join(missing)}: paint it again or remove it.")
+        raise StrokeError(f"stroke {path} has no {', '.join(missing)}: paint it again or remove it")
     points = _array(prim, "points", 3)
     n = len(points)
     counts = tuple(int(c) for c in _array(prim, "curveVertexCounts", 1, np.int64)) or (n,)
     if counts == (1,):  # a dab that another program wrote as one point
         counts, points, n = (2,), np.repeat(points, 2, 0), 2
     elif sum(counts) != n or min(counts) < 2:
-        raise StrokeError(f"Stroke {path} has curves of {list(counts)} points for {n}: paint it again.")
+        raise StrokeError(f"stroke {path} has curves of {list(counts)} points for {n}: paint it again")
 
     def rows(name: str, width: int) -> NDArray:
         return _one_per_point(path, name, _array(prim, name, width), counts)
@@ -170,7 +170,7 @@ def _read_stroke(prim: Usd.Prim, said: list[str]) -> Stroke:
     color = _array(prim, "primvars:displayColor", 3)
     if len(indices := _array(prim, "primvars:displayColor:indices", 1, np.int64)):
         if indices.min() < 0 or indices.max() >= len(color):
-            raise StrokeError(f"Stroke {path} has displayColor indices out of range: paint it again.")
+            raise StrokeError(f"stroke {path} has displayColor indices out of range: paint it again")
         color = color[indices]
     tokens: dict[str, Any] = {f: _value(prim, name) for name, f in _TOKENS.items()}
     tokens = {f: str(value) for f, value in tokens.items() if value is not None}
@@ -205,7 +205,7 @@ def _one_per_point(path: str, name: str, values: NDArray, counts: tuple[int, ...
         return values
     if len(values) == len(counts):
         return np.repeat(values, counts, 0)
-    raise StrokeError(f"Stroke {path} has {len(values)} {name} for {n} points: give one, or one per point.")
+    raise StrokeError(f"stroke {path} has {len(values)} {name} for {n} points: give one, or one per point")
 
 
 def _write_stroke(scope: Sdf.PrimSpec, stroke: Stroke) -> None:

@@ -614,7 +614,7 @@ def test_neither_shot_nor_a_strangers_file_is_overwritten(shot: Usd.Stage, tmp_p
     stranger.write_text("#usda 1.0\n")
     with pytest.raises(AuthorError, match="not a look layer"):
         author_look(shot, [change], stranger)
-    with pytest.raises(AuthorError, match="Cannot write"):
+    with pytest.raises(AuthorError, match="cannot be written"):
         author_look(shot, [change], tmp_path / "missing/look.usda")
 
 

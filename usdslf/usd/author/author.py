@@ -184,9 +184,9 @@ def author_review_root(
         with quiet_usd():
             stage = Usd.Stage.Open(str(shot), load=Usd.Stage.LoadNone)
     except Tf.ErrorException:
-        raise StageError(f"The shot {shot} cannot be opened: give the stage that was painted.") from None
+        raise StageError(f"the shot {shot} cannot be opened: give the stage that was painted") from None
     if Path(path).resolve() in shot_files(stage) | {Path(look).resolve()}:
-        raise AuthorError(f"{path} is the shot or the look itself: choose another name for the review root.")
+        raise AuthorError(f"{path} is the shot or the look itself: choose another name for the review root")
     layer = Sdf.Layer.CreateAnonymous(".usda")
     copy_shot_metadata(stage, layer, ROOT_ONLY)
     if name := default_prim_name(stage):
@@ -219,7 +219,7 @@ def why_not_editable(prim: Usd.Prim) -> str:
 def _earlier_look(stage: Usd.Stage, out: Path) -> Sdf.Layer | None:
     """Returns the look that is there already; refuses to write over anything else."""
     if out.resolve() in shot_files(stage):
-        raise AuthorError(f"{out} is part of the shot, which is never written to: choose another file.")
+        raise AuthorError(f"{out} is part of the shot, which is never written to: choose another file")
     if not out.is_file() or not out.stat().st_size or out.suffix not in (".usda", ".usd", ".usdc"):
         return None
     try:
@@ -227,5 +227,5 @@ def _earlier_look(stage: Usd.Stage, out: Path) -> Sdf.Layer | None:
     except Tf.ErrorException:
         earlier = None
     if not earlier or "usdslf" not in earlier.customLayerData:
-        raise AuthorError(f"{out} exists and is not a look layer of usdslf: choose another file.")
+        raise AuthorError(f"{out} exists and is not a look layer of usdslf: choose another file")
     return earlier

@@ -76,7 +76,7 @@ class ChangeWriter:
         found = class_of(self.look.stage.GetPrimAtPath(self.original))
         if found is None:
             say = f"{self.original} and what is above it inherit no class"
-            raise AuthorError(f"{say}: solve with --mode override or --mode new.")
+            raise AuthorError(f"{say}: solve with --mode override or --mode new")
         return self.look.in_class(*found)
 
     # ---- the material ----------------------------------------------------------------------
@@ -86,7 +86,7 @@ class ChangeWriter:
         targets = self._targets()
         if not targets:
             names = ", ".join(self.change.targets)
-            raise AuthorError(f"{names} does not show {self.original}: open the stage that was painted.")
+            raise AuthorError(f"{names} does not show {self.original}: open the stage that was painted")
         self.users = users_of(stage, self.original)
         whole = not faces or self.change.scope == "prim"
         if whole and self.mode != "new" and {p.GetPath() for p in self.users} <= {p.GetPath() for p in targets}:
@@ -173,7 +173,7 @@ class ChangeWriter:
         if self.material == self.original:
             return path
         if not path.HasPrefix(self.original):
-            raise AuthorError(f"{self.original} is shaded by {path} outside of it: use the scope `material`.")
+            raise AuthorError(f"{self.original} is shaded by {path} outside of it: use the scope `material`")
         return path.ReplacePrefix(self.original, self.material)
 
     # ---- its inputs ------------------------------------------------------------------------

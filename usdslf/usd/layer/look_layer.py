@@ -237,5 +237,5 @@ def shader_of(stage: Usd.Stage, material: Sdf.Path) -> UsdShade.Shader:
     prim = stage.GetPrimAtPath(material)
     shader = preview_surface(UsdShade.Material(prim)) if prim and prim.IsA(UsdShade.Material) else None
     if shader is None:
-        raise AuthorError(f"{material} has no UsdPreviewSurface to edit: bind one to what was painted.")
+        raise AuthorError(f"{material} has no UsdPreviewSurface to edit: bind one to what was painted")
     return shader

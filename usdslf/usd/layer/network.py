@@ -87,7 +87,7 @@ def driving_prim(shader: UsdShade.Shader, name: str) -> Usd.Prim:
     port = shader.GetInput(name)
     found = port.GetValueProducingAttributes() if port else []
     if not found or not UsdShade.Output.IsOutput(found[0]):
-        raise AuthorError(f"No texture drives {name} of {shader.GetPath()}: open the stage that was painted.")
+        raise AuthorError(f"no texture drives {name} of {shader.GetPath()}: open the stage that was painted")
     return found[0].GetPrim()
 
 
