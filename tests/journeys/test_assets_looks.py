@@ -26,7 +26,7 @@ from usdslf.scene.records import PrimvarInput, Scene, Texture
 from usdslf.strokes.anchors import locate_stroke
 from usdslf.surfaces.surface_points import SurfacePoints, evaluate_surface
 from usdslf.usd.author.author import author_look
-from usdslf.usd.layer.look_layer import bound_relationship
+from usdslf.usd.binding import bound_relationship
 from usdslf.usd.layer.network import same_value
 from usdslf.usd.layer.wins import AuthoredEdit, compose_over
 from usdslf.usd.read.read import open_stage, read_scene

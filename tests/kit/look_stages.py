@@ -16,7 +16,7 @@ from usdslf.edits.edits import MaterialChange, Reflectance
 from usdslf.scene.records import Material, PrimvarInput, Texture, constant
 from usdslf.textures.images import write_image
 from usdslf.usd.author.author import author_look, author_review_root
-from usdslf.usd.layer.look_layer import bound_relationship, preview_surface
+from usdslf.usd.binding import bound_relationship, preview_surface
 from usdslf.usd.layer.wins import AuthoredEdit
 
 F = Sdf.ValueTypeNames

@@ -39,7 +39,7 @@ from usdslf.errors import AuthorError
 from usdslf.scene.records import PrimvarInput, Texture
 from usdslf.strokes.stroke import Stroke
 from usdslf.usd.author.author import author_look, author_review_root, why_not_editable
-from usdslf.usd.layer.look_layer import bound_relationship, preview_surface, users_of
+from usdslf.usd.binding import bound_relationship, preview_surface, users_of
 from usdslf.usd.notes import Notes
 from usdslf.usd.read.materials import MaterialTable
 from usdslf.usd.stroke_layer import write_strokes

@@ -35,7 +35,7 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, Vt
 from usdslf.edits.edits import MaterialChange
 from usdslf.errors import AuthorError
 from usdslf.surfaces.surface_points import evaluate_surface
-from usdslf.usd.layer.look_layer import gprims_of, parts_of
+from usdslf.usd.binding import gprims_of, parts_of
 from usdslf.usd.layer.wins import why_hidden
 from usdslf.usd.read.read import read_scene
 from usdslf.usd.review.validate import validate as find_wrong

@@ -12,7 +12,7 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, Vt
 
 from usdslf.surfaces.surface_points import evaluate_surface
 from usdslf.usd.author.author import author_review_root
-from usdslf.usd.layer.look_layer import bound_relationship
+from usdslf.usd.binding import bound_relationship
 from usdslf.usd.preview.preview_material import PreviewMaterials, make_preview, without_preview
 from usdslf.usd.read.read import read_scene
 

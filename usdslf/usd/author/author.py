@@ -26,11 +26,12 @@ from pxr import Sdf, Tf, Usd, UsdShade, Vt
 from usdslf.edits.edits import MaterialChange, material_change_to_input_edits
 from usdslf.errors import AuthorError, StageError
 from usdslf.usd.author.change_writer import MODES, ChangeWriter
+from usdslf.usd.binding import bound_relationship, named_material, preview_surface, render_contexts
 from usdslf.usd.files import check_layer_place, relative_path, write_layer
 from usdslf.usd.layer.affected import changed_along, final_renders
 from usdslf.usd.layer.baked_files import drop_unused
 from usdslf.usd.layer.hand_edits import RECORD, added_by_hand, put_under, record_of, what_is_by_hand
-from usdslf.usd.layer.look_layer import LookLayer, bound_relationship, preview_surface
+from usdslf.usd.layer.look_layer import LookLayer
 from usdslf.usd.layer.provenance import layer_data
 from usdslf.usd.layer.wins import AuthoredEdit, compose_over, with_wins
 from usdslf.usd.notes import Notes
@@ -204,15 +205,14 @@ def why_not_editable(prim: Usd.Prim) -> str:
     else:
         found = prim.GetStage().GetPrimAtPath(bound_relationship(prim)[0])
         if not found:
-            named = UsdShade.MaterialBindingAPI(prim).GetDirectBinding().GetMaterialPath()
-            return f"{path} is bound to {named}, which is not there." if named else f"{path} has no material."
+            named = named_material(prim)
+            return f"{path} has no material." if named.isEmpty else f"{path} is bound to {named}, which is not there."
         material = UsdShade.Material(found)
     if prim.IsInPrototype():
         return f"{path} is in a prototype that USD makes up: edit an instance of it."
     if preview_surface(material):
         return ""
-    contexts = [o.GetBaseName().rpartition(":")[0] for o in material.GetSurfaceOutputs()]
-    others = ", ".join(c for c in contexts if c) or "no surface"
+    others = ", ".join(render_contexts(material)) or "no surface"
     return f"{material.GetPath()} has no UsdPreviewSurface (it has {others}): bind a new one to edit {path}."
 
 

@@ -25,8 +25,9 @@ from usdslf.errors import AuthorError
 from usdslf.scene.records import Texture
 from usdslf.textures.images import files_of, why_unreadable
 from usdslf.usd.arcs import class_of
+from usdslf.usd.binding import bound_relationship, users_of
 from usdslf.usd.files import relative_path
-from usdslf.usd.layer.look_layer import LookLayer, bound_relationship, shader_of, users_of
+from usdslf.usd.layer.look_layer import LookLayer, shader_of
 from usdslf.usd.layer.network import (
     NEW_TYPES,
     as_attribute,

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 from pxr import Sdf, Usd, UsdShade
 
-from usdslf.usd.layer.look_layer import bound_relationship, gprims_of, parts_of
+from usdslf.usd.binding import bound_relationship, final_material, gprims_of, parts_of, render_contexts
 from usdslf.usd.notes import Notes
 
 if TYPE_CHECKING:
@@ -84,22 +84,16 @@ def final_renders(review: Usd.Stage, gprims: Iterable[str]) -> list[str]:
     for path in gprims:
         prim = review.GetPrimAtPath(path)
         shown = bound_relationship(prim)[0]
-        full = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial(UsdShade.Tokens.full)[0]
+        full = final_material(prim)
         if full and full.GetPath() != shown:
-            where = ", ".join(_contexts(full)) or "any renderer"
+            where = ", ".join(render_contexts(full, connected=True)) or "any renderer"
             notes.add(
                 f"final renders of {{}} by {where} show {full.GetPath()}, bound for purpose full, "
                 "and do not see the edit", path,
             )  # fmt: skip
-        elif full and (others := [c for c in _contexts(full) if c]):
+        elif full and (others := render_contexts(full, connected=True)):
             where = ", ".join(others)
             notes.add(
                 f"final renders of {{}} by {where} use another surface of {shown} and do not see the edit", path
             )
     return notes.sentences()
-
-
-def _contexts(material: UsdShade.Material) -> list[str]:
-    """The render contexts, but the universal one, that a material has a surface of its own for."""
-    named = [(o.GetBaseName().rpartition(":")[0], o) for o in material.GetSurfaceOutputs()]
-    return [name for name, output in named if name and output.HasConnectedSource()]

@@ -14,17 +14,16 @@ instances get a class each.  What a variant holds is overridden inside this vari
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from copy import copy
 from typing import Any
 
 import numpy as np
-from pxr import Sdf, Usd, UsdGeom, UsdShade, Vt
+from pxr import Sdf, Usd, UsdShade, Vt
 
 from usdslf.errors import AuthorError
 from usdslf.usd.arcs import Variants, in_variants, variants_of
+from usdslf.usd.binding import bound_relationship, preview_surface
 
-_BINDING = "material:binding"
 _FAMILY = "subsetFamily:materialBind:familyType"
 
 
@@ -177,59 +176,6 @@ class LookLayer:
         put = self.put(spec, "indices", names.IntArray, Vt.IntArray.FromNumpy(np.sort(faces).astype(np.int32)))
         self._painted.setdefault(mesh.GetPath(), []).append(put)
         return path
-
-
-def bound_relationship(prim: Usd.Prim) -> tuple[Sdf.Path, str]:
-    """Returns the material that shows on a prim and the relationship that a binding has to use to replace it.
-
-    Purpose preview, else all-purpose, else full, as the scene is read.
-    """
-    api = UsdShade.MaterialBindingAPI(prim)
-    for purpose in (UsdShade.Tokens.preview, UsdShade.Tokens.full):
-        material, relationship = api.ComputeBoundMaterial(purpose)
-        if material and (purpose == UsdShade.Tokens.full or preview_surface(material)):
-            kinds = relationship.GetName().split(":")
-            used = next((p for p in ("preview", "full") if p in kinds[2:]), "")
-            return material.GetPath(), f"{_BINDING}:{used}" if used else _BINDING
-    material = api.ComputeBoundMaterial(UsdShade.Tokens.preview)[0]
-    return (material.GetPath() if material else Sdf.Path.emptyPath), _BINDING
-
-
-def preview_surface(material: UsdShade.Material) -> UsdShade.Shader | None:
-    """Returns the UsdPreviewSurface of a material: of the universal context, else of any."""
-    contexts = [o.GetBaseName().rpartition(":")[0] for o in material.GetSurfaceOutputs()]
-    for context in ["", *(c for c in contexts if c)]:
-        shader = material.ComputeSurfaceSource(context)[0]
-        if shader and shader.GetIdAttr().Get() == "UsdPreviewSurface":
-            return shader
-    return None
-
-
-def users_of(stage: Usd.Stage, material: Sdf.Path) -> list[Usd.Prim]:
-    """Returns the gprims and GeomSubsets that show a material; instance proxies too."""
-    return [p for gprim in gprims_of(stage) for p in parts_of(gprim) if bound_relationship(p)[0] == material]
-
-
-def parts_of(gprim: Usd.Prim) -> list[Usd.Prim]:
-    """Returns a gprim and its GeomSubsets that bind materials."""
-    return [gprim, *(s.GetPrim() for s in UsdShade.MaterialBindingAPI(gprim).GetMaterialBindSubsets())]
-
-
-def gprims_of(stage: Usd.Stage) -> Iterator[Usd.Prim]:
-    """Yields all gprims: instance proxies too, and prototypes of PointInstancers below an `over` or a class."""
-    seen: set[Sdf.Path] = set()
-    anywhere = Usd.TraverseInstanceProxies(Usd.PrimIsActive & Usd.PrimIsLoaded)
-    todo = [(stage.GetPseudoRoot(), Usd.TraverseInstanceProxies())]
-    while todo:
-        root, predicate = todo.pop()
-        for prim in Usd.PrimRange(root, predicate) if root else ():
-            if prim.IsA(UsdGeom.Gprim) and prim.GetPath() not in seen:
-                seen.add(prim.GetPath())
-                yield prim
-            elif prim.IsA(UsdGeom.PointInstancer) and prim.GetPath() not in seen:
-                seen.add(prim.GetPath())
-                targets = UsdGeom.PointInstancer(prim).GetPrototypesRel().GetForwardedTargets()
-                todo += [(stage.GetPrimAtPath(t), anywhere) for t in targets]
 
 
 def shader_of(stage: Usd.Stage, material: Sdf.Path) -> UsdShade.Shader:

@@ -13,8 +13,8 @@ from typing import Any
 
 from pxr import Sdf, Usd, UsdShade
 
+from usdslf.usd.binding import bound_relationship
 from usdslf.usd.layer.affected import gprims_reached
-from usdslf.usd.layer.look_layer import bound_relationship
 from usdslf.usd.layer.network import same_value
 from usdslf.usd.shot_metadata import ROOT_ONLY, copy_shot_metadata, default_prim_name
 

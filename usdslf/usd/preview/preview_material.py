@@ -23,7 +23,8 @@ import numpy as np
 from pxr import Sdf, Usd, UsdGeom, UsdShade
 
 from usdslf.usd.author.change_writer import SCOPE
-from usdslf.usd.layer.look_layer import LookLayer, bound_relationship, gprims_of, parts_of, preview_surface
+from usdslf.usd.binding import bound_material, gprims_of, named_material, parts_of, preview_surface
+from usdslf.usd.layer.look_layer import LookLayer
 from usdslf.usd.notes import Notes
 from usdslf.usd.preview.driven import Driven, constant
 from usdslf.usd.preview.preview_look import Look, look_of
@@ -73,7 +74,7 @@ def _make_preview(stage: Usd.Stage, prims: Iterable[Usd.Prim] | None) -> Preview
     made = []
     for prim in without_preview(stage) if prims is None else prims:
         gprim = prim.GetParent() if prim.IsA(UsdGeom.Subset) else prim
-        bound = _named_material(prim)
+        bound = named_material(prim)
         shows = _shown(stage, prim, gprim, bound, looks, notes)
         key = (tuple(sorted(shows.items())), bound)
         if key not in paths:
@@ -133,8 +134,8 @@ def write_made(
 
 
 def _bound(gprim: Usd.Prim) -> UsdShade.Shader | None:
-    prim = gprim.GetStage().GetPrimAtPath(bound_relationship(gprim)[0])
-    return preview_surface(UsdShade.Material(prim)) if prim else None
+    material = bound_material(gprim)
+    return preview_surface(material) if material else None
 
 
 def _contexts(stage: Usd.Stage, material: Sdf.Path) -> str:
@@ -179,17 +180,6 @@ def _display(gprim: Usd.Prim) -> Look:
     if look["opacity"] == constant(1.0):
         del look["opacity"]
     return look
-
-
-def _named_material(prim: Usd.Prim) -> Sdf.Path:
-    """The material that a prim is bound to, be it one that this build cannot read; empty for none."""
-    found = bound_relationship(prim)[0]
-    while found.isEmpty and prim and not prim.IsPseudoRoot():
-        for purpose in (UsdShade.Tokens.preview, UsdShade.Tokens.allPurpose, UsdShade.Tokens.full):
-            path = UsdShade.MaterialBindingAPI(prim).GetDirectBinding(purpose).GetMaterialPath()
-            found = path if found.isEmpty else found
-        prim = prim.GetParent()
-    return found
 
 
 def _free_path(look: LookLayer, gprim: Usd.Prim, taken: set[Sdf.Path]) -> Sdf.Path:

@@ -1,8 +1,7 @@
 """Materials: what is bound to gprims -> Material records.
 
-Binding: purpose preview, else all-purpose, else full; strengths, collections and GeomSubsets are resolved
-by UsdShade.  The surface is the UsdPreviewSurface of the universal context, else of any other context.
-Anything else becomes a stand-in (displayColor, else grey) that says why it cannot be edited.
+What is bound, and by which UsdPreviewSurface it shows, is usd/binding's.  Anything else becomes a stand-in
+(displayColor, else grey) that says why it cannot be edited.
 """
 
 from __future__ import annotations
@@ -19,9 +18,9 @@ from usdslf.color import USD_DEFAULT_SPACE, Color
 from usdslf.scene.records import Input, Material, Mesh, PrimvarInput, Texture, constant
 from usdslf.textures import images
 from usdslf.textures.texels import WRAPS
+from usdslf.usd.binding import bound_material, named_material, preview_surface, render_contexts
 from usdslf.usd.notes import Notes
 
-PREVIEW = "UsdPreviewSurface"
 # field of Material: (input of the shader, fallback)
 _COLORS: dict[str, tuple[str, tuple[float, float, float]]] = {
     "diffuse_color": ("diffuseColor", (0.18, 0.18, 0.18)),
@@ -70,7 +69,8 @@ class MaterialTable:
                 f"material (--make-preview makes one), final renders by other contexts would not follow it"
             )
             return self._stand_in(prim, str(path), why, (reason, str(path)))
-        what = "the binding of {} names no material" if _has_binding(prim) else "no material is bound to {}"
+        is_named = not named_material(prim).isEmpty
+        what = "the binding of {} names no material" if is_named else "no material is bound to {}"
         note = (f"{what}: displayColor, else grey, is shown", str(prim.GetPath()))
         why = "no material is bound: bind a UsdPreviewSurface material first (--make-preview makes one)"
         return self._stand_in(prim, "", why, note)
@@ -135,13 +135,13 @@ class MaterialTable:
         if source.GetPath() not in self._read:
             self._read[source.GetPath()] = self._read_material(bound)
         found = self._read[source.GetPath()]
-        shader = _surface(bound)
+        shader = preview_surface(bound)
         if found is None or shader is None:
             return None
         return replace(found, path=str(prim.GetPath()), shader=str(shader.GetPath()))
 
     def _read_material(self, bound: UsdShade.Material) -> Material | None:
-        shader = _surface(bound)
+        shader = preview_surface(bound)
         if shader is None:
             return None
         read = _Network(shader, self._time, self._color, self._notes)
@@ -180,48 +180,11 @@ class MaterialTable:
         return texture
 
 
-def bound_material(prim: Usd.Prim) -> UsdShade.Material:
-    """Returns the material that is shown on a prim, an invalid one where nothing is bound."""
-    api = UsdShade.MaterialBindingAPI(prim)
-    preview = api.ComputeBoundMaterial(UsdShade.Tokens.preview)[0]  # falls back to all-purpose
-    if preview and _surface(preview) is not None:
-        return preview
-    full = api.ComputeBoundMaterial(UsdShade.Tokens.full)[0]
-    if full and (not preview or _surface(full) is not None):
-        return full
-    return preview
-
-
-def _has_binding(prim: Usd.Prim) -> bool:
-    """Whether a prim or an ancestor names a material directly, be it one that does not exist."""
-    while prim and not prim.IsPseudoRoot():
-        for purpose in (UsdShade.Tokens.allPurpose, UsdShade.Tokens.preview, UsdShade.Tokens.full):
-            if UsdShade.MaterialBindingAPI(prim).GetDirectBinding(purpose).GetMaterialPath():
-                return True
-        prim = prim.GetParent()
-    return False
-
-
-def _surface(material: UsdShade.Material) -> UsdShade.Shader | None:
-    """Returns the UsdPreviewSurface of a material: of the universal context, else of any."""
-    for context in ["", *_contexts(material)]:
-        shader = material.ComputeSurfaceSource(context)[0]
-        if shader and shader.GetIdAttr().Get() == PREVIEW:
-            return shader
-    return None
-
-
-def _contexts(material: UsdShade.Material) -> list[str]:
-    """Returns the render contexts, but the universal one, that a material has a surface output for."""
-    names = [output.GetBaseName().rpartition(":")[0] for output in material.GetSurfaceOutputs()]
-    return [n for n in names if n]
-
-
 def _what_it_has(material: UsdShade.Material) -> str:
     """Returns what gives the surface of a material without UsdPreviewSurface."""
     shader = material.ComputeSurfaceSource()[0]
     kind = str(shader.GetShaderId() or shader.GetPath()) if shader else ""
-    return ", ".join([*_contexts(material), *([kind] if kind else [])]) or "no surface output"
+    return ", ".join([*render_contexts(material), *([kind] if kind else [])]) or "no surface output"
 
 
 class _Network:

@@ -31,8 +31,8 @@ from pxr import Ar, Sdf, Sdr, Usd, UsdShade
 from usdslf.color import color_of
 from usdslf.errors import StrokeError, UsdslfError
 from usdslf.usd.arcs import inherited_classes
+from usdslf.usd.binding import bound_relationship
 from usdslf.usd.files import assets_of
-from usdslf.usd.layer.look_layer import bound_relationship
 from usdslf.usd.layer.provenance import stale
 from usdslf.usd.layer.wins import why_hidden
 from usdslf.usd.read.read import quiet_usd, read_scene
