@@ -75,7 +75,7 @@ def device() -> Device:
 @pytest.fixture
 def run(capfd: pytest.CaptureFixture[str]) -> Callable[..., tuple[int, str, str]]:
     """The command line in this process: run("info", path) -> exit code, stdout, stderr."""
-    from usdslf.cli.commands import main
+    from usdslf.cli.main import main
 
     def command(*arguments: object) -> tuple[int, str, str]:
         capfd.readouterr()

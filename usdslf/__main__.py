@@ -1,6 +1,6 @@
 """Runs the command line: `python -m usdslf`."""
 
-from usdslf.cli.commands import main
+from usdslf.cli.main import main
 
 if __name__ == "__main__":
     raise SystemExit(main())

@@ -20,6 +20,8 @@ from usdslf.textures.images import write_image
 
 PICTURE_TYPES = (".exr", ".png")
 SIMILARITY = "similarity"  # to strokes: no layer of the renderer; a PNG can hold it alone, in grey
+LAYERS = (*AOVS, SIMILARITY)
+"""Names of all layers that a picture may hold beside its colours."""
 _LETTERS = {1: ("Y",), 3: ("R", "G", "B")}
 
 
@@ -42,9 +44,9 @@ def check_picture(path: str | Path, aovs: Sequence[str]) -> None:
         raise InputError(f"{path} is no picture; end its name in {' or '.join(PICTURE_TYPES)}")
     if aovs and suffix != ".exr" and tuple(aovs) != (SIMILARITY,):
         raise InputError(f"{path} cannot hold the layers {', '.join(aovs)}; end its name in .exr")
-    unknown = [a for a in aovs if a not in (*AOVS, SIMILARITY)]
+    unknown = [a for a in aovs if a not in LAYERS]
     if unknown:
-        raise InputError(f"there is no AOV '{unknown[0]}'; choose from {', '.join([*AOVS, SIMILARITY])}")
+        raise InputError(f"there is no AOV '{unknown[0]}'; choose from {', '.join(LAYERS)}")
     check_place(path)
 
 

@@ -51,7 +51,7 @@ def test_a_real_stage_is_read_and_shown(
     entry: str, assets: Path, device: Device, run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     session = usdslf.open(assets / entry, device=device, elements=500, bounces=3)
-    monkeypatch.setattr("usdslf.cli.commands._open", lambda *_, **__: session)  # the largest are read once
+    monkeypatch.setattr("usdslf.cli.shot_options.Reading.open", lambda *_, **__: session)  # the largest are read once
     code, out, err = run("info", assets / entry)
     assert (code, err) == (0, "")
     assert len(out.splitlines()) < 40 and "warnings: " in out

@@ -435,7 +435,7 @@ NO_DEVICE = """
 import sys
 import usdslf.gpu.device as gpu
 gpu.cl.get_platforms = lambda: []
-from usdslf.cli.commands import main
+from usdslf.cli.main import main
 sys.exit(main())
 """
 
@@ -469,7 +469,7 @@ def test_interrupt_leaves_the_earlier_file(shot: Path, tmp_path: Path) -> None:
         "import sys, usdslf.session as s\n"
         "def stop(*a, **k): raise KeyboardInterrupt\n"
         "s.render = stop\n"
-        "from usdslf.cli.commands import main\n"
+        "from usdslf.cli.main import main\n"
         "sys.exit(main())\n"
     )
     command = [sys.executable, "-c", code, "render", str(shot), "-o", str(target), "--size", "16x8"]

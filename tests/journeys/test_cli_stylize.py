@@ -43,7 +43,7 @@ def shot(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def look(shot: Path) -> Path:
     """The shot, stylized once."""
-    from usdslf.cli.commands import main
+    from usdslf.cli.main import main
 
     path = shot.parent / "look.usda"
     given = ["stylize", shot, "-o", path, "--report", shot.parent / "report.json", "--quiet", *SMALL]

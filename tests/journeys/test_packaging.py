@@ -62,7 +62,7 @@ def test_wheel_carries_kernels_and_schemas(tmp_path: Path) -> None:
     assert kernels == site / "usdslf/_kernels"
     assert schemas == site / "usdslf/_schemas"
     (metadata,) = site.glob("usdslf-*.dist-info")
-    assert "usdslf = usdslf.cli.commands:main" in (metadata / "entry_points.txt").read_text()
+    assert "usdslf = usdslf.cli.main:main" in (metadata / "entry_points.txt").read_text()
     assert "Apache License" in (metadata / "licenses/LICENSE").read_text()
     assert {p.name for p in site.iterdir()} == {"usdslf", "hydra_viewer", metadata.name}
 

@@ -277,7 +277,7 @@ SCRIPT = textwrap.dedent(
     """
     import json, resource, sys
     import numpy as np
-    from usdslf.cli.commands import main
+    from usdslf.cli.main import main
     from usdslf.session import Session
     shot, picture = sys.argv[1:]
     codes = [main(["info", shot, "--json"])]

@@ -3,6 +3,7 @@
     Stroke                                              frozen record that mirrors the stroke layer (below)
     validate_stroke(stroke) -> None                     StrokeError for what cannot be meant
     paint_stroke(scene, tracer, camera, paths, radius, color=..., image=None, ...) -> Stroke
+    next_name(strokes) -> str                           the name of the stroke that is painted after these
     dab_rows(stroke) -> (k,) int                        one row per dab: the twin of a single dab left out
 
 A picture's coordinates run over 0..1 with the origin at the top left; the brush radius is a fraction of the
@@ -12,17 +13,14 @@ picture's height.  In the world the brush is a ball of that size at the depth of
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from usdslf.errors import StrokeError
 from usdslf.scene.records import F32, I32
-
-if TYPE_CHECKING:
-    pass
 
 TOOLS = ("replace", "clone", "brighten", "darken", "blur", "sharpen", "fixate")
 MODES = ("direct", "indirect")
@@ -114,6 +112,12 @@ def validate_stroke(stroke: Stroke) -> None:
         raise StrokeError(f"{where} clones from itself: give it a clone offset")
     if s.has_anchors and ((s.surface_index < -1) | (s.surface_index >= len(s.surfaces))).any():
         raise StrokeError(f"{where} points to surfaces that it does not list: paint it again")
+
+
+def next_name(strokes: Iterable[Stroke]) -> str:
+    """Returns the name of the stroke after these: numbers go on behind the highest, `stroke_0001` is the first."""
+    numbers = [int(s.name[7:]) for s in strokes if re.fullmatch(r"stroke_[0-9]+", s.name)]
+    return f"stroke_{max(numbers, default=0) + 1:04d}"
 
 
 def dab_rows(stroke: Stroke) -> NDArray[np.int64]:

@@ -1,0 +1,1 @@
+"""The sub-commands: each module holds one, named like it, a few lines on Session."""

@@ -1,0 +1,24 @@
+"""usdslf bench: what each step costs here."""
+
+from __future__ import annotations
+
+import click
+
+from usdslf.cli.program import Command, Settings, print_json, settings
+from usdslf.cli.terminal import progress
+
+
+@click.command(cls=Command)
+@click.option("--json", "as_json", is_flag=True, help="JSON instead of a table.")
+@click.option("--elements", type=int, default=10000, show_default=True, help="Surface elements.")
+@settings
+def bench(settings: Settings, as_json: bool, elements: int) -> None:
+    """Time of each step beside the measured limits of this machine."""
+    from usdslf.cli.bench import lines_of_table, measure
+
+    with progress(settings.quiet) as say:
+        found = measure(settings.device, settings.ocio, elements, say)
+    if as_json:
+        print_json(found)
+    else:
+        click.echo("\n".join(lines_of_table(found)))

@@ -1,0 +1,81 @@
+"""The options that say how a shot is read and how its light is found: one record for all sub-commands."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any
+
+import click
+
+import usdslf
+from usdslf.cli.program import Settings, gathered
+from usdslf.surfaces.reflectance import MODELS
+
+if TYPE_CHECKING:
+    from usdslf.session import Say, Session
+
+
+@dataclass(frozen=True)
+class Reading:
+    """How a stage is read."""
+
+    frame: float | None  # time code; None: the stage's start
+    refine: int  # levels of subdivision
+
+    def open(self, settings: Settings, stage: Any, say: Say | None) -> Session:
+        """Opens a stage, a path or a Usd.Stage."""
+        return usdslf.open(stage, device=settings.device, ocio=settings.ocio, say=say, **asdict(self))
+
+
+@dataclass(frozen=True)
+class Lighting(Reading):
+    """How a stage is read, and how its light field is made."""
+
+    elements: int
+    bounces: int
+    make_preview: bool
+    model: str
+
+
+def reading_options(command: Any) -> Any:
+    """Adds --frame and --refine, which arrive as `shot`, a `Reading`."""
+    return _frame(_refine(gathered("shot", Reading)(command)))
+
+
+def lighting_options(make_preview: str) -> Any:
+    """Adds what `reading_options` adds, --elements, --bounces, --make-preview and --model, as `shot`, a `Lighting`.
+
+    Args:
+        make_preview: what --make-preview does for this sub-command, in words.
+    """
+
+    def add(command: Any) -> Any:
+        command = _frame(_refine(gathered("shot", Lighting)(command)))
+        command = click.option(
+            "--model", type=click.Choice(MODELS), default=MODELS[0], show_default=True,
+            help="How surfaces reflect: as UsdPreviewSurface, or the Phong of the paper, to be compared with it.",
+        )(command)  # fmt: skip
+        command = click.option("--make-preview", is_flag=True, help=make_preview)(command)
+        command = click.option(
+            "--bounces", type=int, default=8, show_default=True, help="Most bounces of light."
+        )(command)  # fmt: skip
+        return click.option(
+            "--elements", type=int, default=10000, show_default=True, help="Surface elements."
+        )(command)  # fmt: skip
+
+    return add
+
+
+def _finite(context: click.Context, option: click.Parameter, value: float | None) -> float | None:
+    if value is not None and not math.isfinite(value):
+        raise click.BadParameter(f"{value} is no finite number", context, option)
+    return value
+
+
+_frame = click.option(
+    "--frame", type=float, metavar="F", callback=_finite, help="Time code; default: the stage's start."
+)
+_refine = click.option(
+    "--refine", type=click.IntRange(0, 4), default=1, help="Levels of subdivision of cages; default 1."
+)
