@@ -90,14 +90,6 @@ class Color:
         """Returns working-space pixels (..., 3 or 4) in `space`; alpha as it is."""
         return self._apply(pixels, self.working_space, space)
 
-    def picking_to_working(self, pixels: ArrayLike) -> F32:
-        """Returns colours of a colour picker, which is bounded, as working-space reflectances."""
-        return self.to_working(pixels, self._picking_space())
-
-    def working_to_picking(self, pixels: ArrayLike) -> F32:
-        """Returns working-space reflectances as a colour picker shows them."""
-        return self.from_working(pixels, self._picking_space())
-
     def display(
         self,
         pixels: ArrayLike,
@@ -150,9 +142,6 @@ class Color:
         """Whether the conversion from `space` treats the channels alike and apart (a table can hold it)."""
         processor = self._processor(space, self.working_space)
         return processor is None or not processor.hasChannelCrosstalk()
-
-    def _picking_space(self) -> str:
-        return self._config.getRoleColorSpace("color_picking") or "srgb_rec709_scene"
 
     def _apply(self, pixels: ArrayLike, source: str, target: str) -> F32:
         out = np.array(pixels, np.float32, order="C")

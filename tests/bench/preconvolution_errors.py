@@ -19,11 +19,12 @@ if __name__ == "__main__":
     sys.path[:0] = [str(Path(__file__).resolve().parents[n]) for n in (1, 2)]
 
 import numpy as np
+from kit.level_matrices import dense
 from reference.preconvolution import centres, mip_lookups
 from reference.reflectance import frame_about
 
 from usdslf.gpu.device import Device, open_device
-from usdslf.light_field.preconvolution import build_level, exact_matrices
+from usdslf.light_field.preconvolution import build_level, integrate_rows
 from usdslf.sampling.hemisphere import D
 from usdslf.surfaces.reflectance import directional_albedo, lobe_parameter, roughness_levels
 
@@ -72,7 +73,7 @@ def exact_lobe(device: Device, model: str, roughness: float) -> np.ndarray:
     """The exact matrix (D, D) of A + B, each row scaled to its exact albedo; a frame can be turned and mirrored."""
     moves = symmetries()
     rows = np.unique(moves.min(0))
-    a, b, _ = exact_matrices(device, model, roughness, rows=rows)
+    a, b, _ = integrate_rows(device, model, roughness, rows=rows)
     albedo = directional_albedo(model, float(lobe_parameter(model, roughness)), centres()[rows, 2])
     a *= (albedo[:, 2] / a.sum(1))[:, None]
     b *= (albedo[:, 3] / np.maximum(b.sum(1), 1e-30))[:, None]
@@ -89,7 +90,7 @@ def measure(device: Device, model: str = "preview_surface", count: int = 12, see
     for roughness in roughness_levels():
         exact = exact_lobe(device, model, float(roughness))
         level = build_level(device, model, float(roughness))
-        lobe = sum(level.dense())
+        lobe = sum(dense(level))
         ours, mip = {}, {}
         for kind in KINDS:
             truth = exact @ light[kind]

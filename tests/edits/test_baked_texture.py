@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
 from usdslf.color import Color
-from usdslf.edits.baked_texture import Baked, bake_texture, delta_of_samples, plain_texture
+from usdslf.edits.baked_texture import Baked, bake_texture, plain_texture
 from usdslf.errors import AuthorError
 from usdslf.scene.records import Material, Mesh, Scene, Texture
 from usdslf.textures.images import load_texture, sample_texture, write_image
@@ -205,19 +205,6 @@ def test_texels_of_two_places_and_no_texels_are_said(tmp_path: Path) -> None:
     with pytest.raises(AuthorError, match="nothing that was painted"):
         bake(scene, outside, [2], constant_delta(0, 0, 0), tmp_path / "none")
     assert not list((tmp_path / "none").iterdir())
-
-
-def test_changes_at_points_are_met_there_and_stay_between_them() -> None:
-    scene = squares(LEFT, RIGHT, material=Material("/mtl"))
-    rng = np.random.default_rng(0)
-    triangle, bary = rng.integers(0, 4, 30), rng.uniform(0, 0.5, (30, 2))
-    values = rng.uniform(-1, 1, (30, 3))
-    delta = delta_of_samples(scene, triangle, bary, values)
-    assert_allclose(delta(triangle, bary), values, atol=1e-5)
-    between = delta(rng.integers(0, 4, 500), rng.uniform(0, 0.5, (500, 2)))
-    assert (between >= values.min(0)).all() and (between <= values.max(0)).all()
-    one = delta_of_samples(scene, triangle[:1], bary[:1], values[:1])
-    assert_allclose(one(triangle, bary), np.repeat(values[:1], 30, 0))
 
 
 def test_the_detail_of_a_real_texture_is_kept(assets: Path, tmp_path: Path) -> None:

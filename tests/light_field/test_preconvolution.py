@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from bench.preconvolution_errors import Row, exact_lobe, lights, markdown, means, measure
+from kit.level_matrices import dense
 from reference import preconvolution as ref
 from reference import reflectance
 
 from usdslf.gpu.device import Device
-from usdslf.light_field.preconvolution import build_level, coarse_of_bin, exact_matrices, fresnel_diffuse
+from usdslf.light_field.preconvolution import build_level, coarse_of_bin, fresnel_diffuse, integrate_rows
 from usdslf.sampling.hemisphere import D
 from usdslf.surfaces.reflectance import MODELS, roughness_levels
 
@@ -43,7 +44,7 @@ def test_plain_mip_look_ups_do_not(rows: list[Row]) -> None:
 @pytest.mark.parametrize("model", MODELS)
 @pytest.mark.parametrize("roughness", [0.05, 0.1, 0.25, 0.5, 1.0])
 def test_exact_matrices_are_the_integrals(device: Device, model: str, roughness: float) -> None:
-    got = exact_matrices(device, model, roughness, rows=ROWS)[:2]
+    got = integrate_rows(device, model, roughness, rows=ROWS)[:2]
     for i, row in enumerate(ROWS):
         expected = ref.exact_row(model, roughness, row)
         total = np.linalg.norm(np.add(*expected))
@@ -60,35 +61,35 @@ def test_a_white_furnace_stays_white_at_every_level(device: Device, model: str) 
     levels = roughness_levels() if model == "preview_surface" else (0.05, 0.4, 0.45, 1.0)
     for roughness in levels:
         expected = reflectance.albedo(model, roughness, z)[:, 2:]
-        dense = build_level(device, model, float(roughness)).dense()
-        assert min(x.min() for x in dense) >= 0
-        got = np.stack([x[ROWS].sum(1) for x in dense], 1)
+        matrices = dense(build_level(device, model, float(roughness)))
+        assert min(x.min() for x in matrices) >= 0
+        got = np.stack([x[ROWS].sum(1) for x in matrices], 1)
         np.testing.assert_allclose(got, expected, rtol=6e-3, atol=3e-3, err_msg=str(roughness))
 
 
 def test_turning_the_frame_turns_what_is_reflected(device: Device) -> None:
     """The exact matrix from an eighth of its rows is that from all of them."""
     some = np.array([3, 200, 531, 1000])
-    a, b, _ = exact_matrices(device, "preview_surface", 0.3, rows=some)
+    a, b, _ = integrate_rows(device, "preview_surface", 0.3, rows=some)
     whole = exact_lobe(device, "preview_surface", 0.3)[some]
     np.testing.assert_allclose((a + b) / (a + b).sum(1, keepdims=True), whole / whole.sum(1, keepdims=True), atol=2e-4)
 
 
 def test_the_sharpest_level_mirrors(device: Device) -> None:
-    lobe = np.add(*build_level(device, "preview_surface", 0.05).dense())
+    lobe = np.add(*dense(build_level(device, "preview_surface", 0.05)))
     np.testing.assert_array_equal(lobe.argmax(1), np.arange(D)[::-1])
 
 
 def test_what_fresnel_takes_from_the_diffuse_reflection(device: Device) -> None:
     coarse, scale = fresnel_diffuse(device, "preview_surface")
     up = coarse_of_bin()
-    dense = coarse[np.ix_(up, up)] / 4 * scale[:, None]
+    whole = coarse[np.ix_(up, up)] / 4 * scale[:, None]
     np.testing.assert_allclose(
-        dense[ROWS].sum(1), reflectance.albedo("preview_surface", 1.0, ref.centres()[ROWS, 2])[:, 1], atol=1e-3
+        whole[ROWS].sum(1), reflectance.albedo("preview_surface", 1.0, ref.centres()[ROWS, 2])[:, 1], atol=1e-3
     )
-    exact = exact_matrices(device, "preview_surface", 1.0, rows=np.arange(0, D, 17))[2]
+    exact = integrate_rows(device, "preview_surface", 1.0, rows=np.arange(0, D, 17))[2]
     light = lights("edged", 6, np.random.default_rng(2))
-    truth, got = exact @ light, dense[::17] @ light
+    truth, got = exact @ light, whole[::17] @ light
     assert (np.linalg.norm(got - truth, axis=0) / np.linalg.norm(truth, axis=0)).max() < 0.08
     assert not fresnel_diffuse(device, "phong")[0].any()
 

@@ -7,7 +7,9 @@ from typing import Any
 
 import numpy as np
 import pytest
+from kit.level_matrices import dense
 from kit.light_field_scenes import lone_elements
+from numpy.typing import NDArray
 from reference import phong_solver as ref
 from reference.preconvolution import exact_row
 
@@ -20,15 +22,24 @@ from usdslf.stylize.element_solve import (
     FACTORS,
     OWN,
     ElementCandidates,
+    ElementChange,
     choose_candidates,
     enumerate_elements,
     freed_of_candidates,
-    solve_elements,
+    joined,
 )
 from usdslf.surfaces.reflectance import LEVEL_COUNT, gloss_levels, roughness_levels
 
 N = 37  # no multiple of a block
 SIGMA = 40.0
+
+
+def solve_elements(
+    field: LightField, element: NDArray, wanted_d: Any, weight: NDArray | None = None, norm: str = "mixed"
+) -> ElementChange:
+    """Solves elements one by one as in the paper: `enumerate_elements`, then `choose_candidates`."""
+    parts = [choose_candidates(c, FACTORS[norm]) for c in enumerate_elements(field, element, wanted_d, weight)]
+    return joined(parts)
 
 
 def _light(rng: np.random.Generator, n: int) -> np.ndarray:
@@ -60,8 +71,8 @@ def scene(device: Device) -> SimpleNamespace:
     light = _light(rng, N)
     d, f0 = rng.uniform(0.1, 0.5, (N, 3)), rng.uniform(0.05, 0.4, (N, 3))
     field = _field(device, "phong", light, diffuse=d, f0=f0, f90=1.0, roughness=rng.uniform(0.12, 0.9, N))
-    matrices = np.stack([build_level(device, "phong", r).dense()[0] for r in gloss_levels("phong")])
-    grid = np.stack([build_level(device, "phong", r).dense()[0] for r in roughness_levels()])
+    matrices = np.stack([dense(build_level(device, "phong", r))[0] for r in gloss_levels("phong")])
+    grid = np.stack([dense(build_level(device, "phong", r))[0] for r in roughness_levels()])
     k_d = ref.diffuse_matrix(bin_directions())
 
     def own_matrix(i: int, roughness: float | None = None) -> np.ndarray:

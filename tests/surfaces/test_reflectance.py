@@ -18,7 +18,6 @@ from usdslf.surfaces.reflectance import (
     MODELS,
     column_weights,
     columns,
-    contrast_gloss,
     directional_albedo,
     distinctness_of_gloss,
     gloss_levels,
@@ -185,11 +184,6 @@ def test_levels_of_phong_are_even_in_perceived_gloss_and_those_of_roughness_are_
     even = -np.diff(distinctness_of_gloss(LEVELS))
     assert even.max() / even.min() > 12  # even steps of roughness are not even steps of gloss
     np.testing.assert_array_equal(gloss_levels("preview_surface"), LEVELS)
-
-
-def test_contrast_gloss_is_pellacinis() -> None:
-    for k_d, k_s in ((0.0, 0.1), (0.3, 0.033), (0.19, 0.099), (0.5, 0.0)):
-        assert contrast_gloss(k_d, k_s) == pytest.approx(ref.contrast_gloss(k_d, k_s))
 
 
 @pytest.mark.parametrize("roughness", [0.1, 0.3, 0.45])

@@ -1,7 +1,6 @@
 """Bakes a change that varies over a surface into a texture: the original's texels plus the change.
 
     bake_texture(scene, texture, triangles, delta, folder, stem, ...) -> Baked
-    delta_of_samples(scene, triangle, barycentric, values) -> Delta      changes known at points, between them
     plain_texture(value, uv_set) -> Texture                              the base of an input without a texture
 
 The change is added where texels lie on the painted triangles, and goes on over the rim around their charts
@@ -20,7 +19,6 @@ from pathlib import Path
 import numpy as np
 import OpenImageIO as oiio
 from numpy.typing import ArrayLike, NDArray
-from scipy.spatial import cKDTree
 
 from usdslf.color import Color, color_of
 from usdslf.errors import AuthorError
@@ -160,34 +158,7 @@ def plain_texture(value: ArrayLike, uv_set: str = "st", channels: str = "") -> T
     return Texture("", "", color_space=space, fallback=fallback, channels=named, uv_set=uv_set)
 
 
-def delta_of_samples(
-    scene: Scene, triangle: NDArray, barycentric: NDArray, values: ArrayLike, neighbours: int = 8
-) -> Delta:
-    """Returns changes (m, C) known at points of surfaces as a function of all points.
-
-    Between them the nearest ones are weighted by 1 / distance^2 (Shepard 1968), in world space.
-    """
-    known = np.asarray(values, np.float64).reshape(len(triangle), -1)
-    tree = cKDTree(_positions(scene, triangle, barycentric))
-    count = min(neighbours, len(known))
-    tiny = (1e-6 * max(scene.diagonal, 1e-30)) ** 2
-
-    def delta(triangle_: NDArray, barycentric_: NDArray) -> NDArray:
-        distance, index = tree.query(_positions(scene, triangle_, barycentric_), count)
-        distance, index = distance.reshape(-1, count), index.reshape(-1, count)
-        weight = 1 / (distance**2 + tiny)
-        return np.einsum("nk,nkc->nc", weight / weight.sum(1, keepdims=True), known[index])
-
-    return delta
-
-
 # ---- the surface ---------------------------------------------------------------------------
-def _positions(scene: Scene, triangle: NDArray, barycentric: NDArray) -> F64:
-    u, v = np.asarray(barycentric, np.float64).T[..., None]
-    corners = scene.triangles.positions[triangle].astype(np.float64)
-    return corners[:, 0] * (1 - u - v) + corners[:, 1] * u + corners[:, 2] * v
-
-
 def _showing(scene: Scene, texture: Texture, triangles: NDArray) -> NDArray:
     """The triangles whose materials read the same texture node, or will read the new one."""
     if not texture.prim:

@@ -191,11 +191,6 @@ class Play:
         self.extras.append(Picture(f"{name}.svg", caption))
 
     @property
-    def is_shown(self) -> bool:
-        """Whether every part of the claim came true."""
-        return bool(self.shown) and all(s.is_true for s in self.shown)
-
-    @property
     def seconds(self) -> float:
         """Time of all steps."""
         sessions = {id(s): s for step in self.steps for s in (step.before, step.after)}

@@ -17,7 +17,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from usdslf.errors import StrokeError
 from usdslf.inference.samples import LOBE_ROUGHNESS, Samples, _by_sixteen
 from usdslf.light_field.light_field import LightField
 from usdslf.sampling.hemisphere import SOLID_ANGLE, D, bin_directions
@@ -163,9 +162,3 @@ def mean_by(values: NDArray, group: NDArray) -> NDArray:
     out = np.zeros((int(group.max()) + 1, *values.shape[1:]))
     np.add.at(out, group, values)
     return out / np.bincount(group).reshape(-1, *[1] * (values.ndim - 1))
-
-
-def require_dabs(evidence: Evidence) -> None:
-    """Raises StrokeError where nothing of a stroke is left to learn from."""
-    if not len(evidence.target):
-        raise StrokeError(f"{evidence.stroke.path} lies on no surface of the shot; paint it on one")

@@ -54,20 +54,6 @@ class LevelKernel:
         """True where the weights join bins of the 16 x 16 map."""
         return self.fine_scale is not None
 
-    def dense(self) -> tuple[NDArray, NDArray]:
-        """Returns both columns as full (D, D) matrices, for tests."""
-        if self.fine_scale is not None:
-            up, scale = coarse_of_bin(), self.fine_scale.astype(np.float64)
-            return (
-                self.a[np.ix_(up, up)] / 4.0 * scale[:, :1],
-                self.b[np.ix_(up, up)] / 4.0 * scale[:, 1:],
-            )
-        assert self.first is not None and self.tap is not None
-        row = np.repeat(np.arange(D), np.diff(self.first))
-        out = np.zeros((2, D, D))
-        out[0, row, self.tap], out[1, row, self.tap] = self.a, self.b
-        return out[0], out[1]
-
 
 def coarse_of_bin() -> NDArray[np.int64]:
     """Returns (D,) the 16 x 16 bin that holds each bin."""
@@ -94,7 +80,8 @@ def _symmetry(side: int) -> tuple[NDArray, NDArray, NDArray]:
     return rows, row_of_bin, stack[best].astype(np.uint16)
 
 
-def _exact_rows(device: Device, model: str, roughness: float, rows: NDArray, side: int) -> list[NDArray]:
+def integrate_rows(device: Device, model: str, roughness: float, rows: NDArray, side: int = SIDE) -> list[NDArray]:
+    """Integrates A, B and Y (R, side^2) from the centres of outgoing bins `rows` over each incoming bin."""
     parameter = float(lobe_parameter(model, roughness))
     fine = 24 if roughness < 0.12 else 12 if roughness < 0.3 else 4
     n = side * side
@@ -108,15 +95,6 @@ def _exact_rows(device: Device, model: str, roughness: float, rows: NDArray, sid
         np.float32(parameter), np.float32(near), *matrices_d,
     )  # fmt: skip
     return [device.download(m).astype(np.float64) for m in matrices_d]
-
-
-def exact_matrices(
-    device: Device, model: str, roughness: float, side: int = SIDE, rows: NDArray | None = None
-) -> tuple[NDArray, NDArray, NDArray]:
-    """Integrates A, B and Y (R, side^2) from the centres of outgoing bins, all by default, over each incoming bin."""
-    rows = np.arange(side * side) if rows is None else np.asarray(rows)
-    a, b, y = _exact_rows(device, model, roughness, rows, side)
-    return a, b, y
 
 
 def build_level(device: Device, model: str, roughness: float) -> LevelKernel:
@@ -136,7 +114,7 @@ def _compute_level(device: Device, model: str, roughness: float) -> LevelKernel:
     parameter = float(lobe_parameter(model, roughness))
     rows, row_of_bin, moved = _symmetry(SIDE)
     albedo = directional_albedo(model, parameter, bin_directions()[rows, 2])
-    a, b, _ = _exact_rows(device, model, roughness, rows, SIDE)
+    a, b, _ = integrate_rows(device, model, roughness, rows)
     a *= (albedo[:, 2] / np.maximum(a.sum(1), 1e-30))[:, None]
     b *= (albedo[:, 3] / np.maximum(b.sum(1), 1e-30))[:, None]
     if roughness < COARSE_FROM - 1e-6:
@@ -176,7 +154,7 @@ def fresnel_diffuse(device: Device, model: str) -> tuple[NDArray[np.float32], ND
 
     def compute() -> LevelKernel:
         rows, row_of_bin, moved = _symmetry(SIDE)
-        y = _exact_rows(device, model, 1.0, rows, SIDE)[2]
+        y = integrate_rows(device, model, 1.0, rows)[2]
         exact = directional_albedo(model, 1.0, bin_directions()[rows, 2])[:, 1]
         y *= (exact / y.sum(1))[:, None]
         coarse = _coarsen(y[row_of_bin[:, None], moved]).astype(np.float32)

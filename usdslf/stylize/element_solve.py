@@ -141,14 +141,6 @@ def choose_candidates(
     )  # fmt: skip
 
 
-def solve_elements(
-    field: LightField, element: NDArray, wanted_d: Any, weight: NDArray | None = None, norm: str = "mixed"
-) -> ElementChange:
-    """Solves elements one by one as in the paper: `enumerate_elements`, then `choose_candidates`."""
-    parts = [choose_candidates(c, FACTORS[norm]) for c in enumerate_elements(field, element, wanted_d, weight)]
-    return joined(parts)
-
-
 Found = TypeVar("Found", ElementCandidates, ElementChange)
 
 

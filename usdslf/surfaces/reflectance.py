@@ -45,12 +45,6 @@ def distinctness_of_gloss(roughness: ArrayLike) -> F64:
     return 1 - np.asarray(roughness, np.float64) ** 2
 
 
-def contrast_gloss(k_d: ArrayLike, k_s: ArrayLike) -> F64:
-    """Returns c = cbrt(k_s + k_d / 2) - cbrt(k_d / 2).  Source: Pellacini et al. 2000."""
-    k_d, k_s = (np.asarray(x, np.float64) for x in (k_d, k_s))
-    return np.cbrt(k_s + k_d / 2) - np.cbrt(k_d / 2)
-
-
 def gloss_levels(model: str) -> F64:
     """Returns the 20 roughness levels that glossiness is enumerated on, sharp ones first.
 
