@@ -3,8 +3,8 @@
     python tests/reference/pathtracer.py STAGE CAMERA OUT.exr [--width W] [--height H] [--spp N]
 
 Pictures are scene-linear float32 RGB on the UsdLux scale, without view transform or exposure.  Not in it:
-normal maps, light shaping, subdivision, point instancers, UDIM, depth of field; emissive meshes shine from
-their front sides only.  What it meets and cannot honour is in `Tracer.warnings`.
+light shaping, creases, UDIM, depth of field; emissive meshes shine from their front sides only.  What it
+meets and cannot honour is in `Tracer.warnings`.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from __future__ import annotations
 import argparse
 import math
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +21,7 @@ if __name__ == "__main__":
 
 import numpy as np
 from numpy.typing import NDArray
-from pxr import Usd, UsdGeom, UsdLux
+from pxr import Gf, Usd, UsdGeom, UsdLux
 from reference.mitsuba_setup import set_variant
 
 set_variant()
@@ -57,23 +58,18 @@ class Tracer:
         shapes = ShapeReader(self.time, model, self.warnings)
         lights = LightReader(self.stage, self.time, self.warnings)
         transforms = UsdGeom.XformCache(self.time)
-        for prim in self.stage.Traverse(Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)):
-            imageable = UsdGeom.Imageable(prim)
-            if (
-                not imageable
-                or imageable.ComputeVisibility(self.time) == "invisible"
-                or imageable.ComputePurpose() in SKIPPED_PURPOSES
-            ):
+        for prim in stage_prims(self.stage):
+            if not is_shown(prim, self.time):
                 continue
             world = np.array(transforms.GetLocalToWorldTransform(prim), np.float64).T
-            if prim.GetTypeName() == "Mesh":
-                shapes.mesh(prim, world)
-            elif prim.HasAPI(UsdLux.LightAPI):
+            if prim.IsA(UsdGeom.PointInstancer):
+                for part, placed in instanced_prims(UsdGeom.PointInstancer(prim), world, self.time):
+                    if part.IsA(UsdGeom.Gprim) and is_shown(part, self.time):
+                        shapes.read(part, placed)
+            elif prim.HasAPI(UsdLux.LightAPI) and not prim.IsA(UsdGeom.Gprim):
                 lights.read(prim, world)
             elif prim.IsA(UsdGeom.Gprim):
-                shapes.gprim(prim, world)
-            elif prim.IsA(UsdGeom.PointInstancer):
-                self.warnings.append(f"PointInstancer {prim.GetPath()}")
+                shapes.read(prim, world)
         description: dict[str, Any] = {"type": "scene"}
         self.prims: dict[str, str] = {}  # id of a shape -> prim path
         for i, (shape, prim) in enumerate(zip(shapes.shapes, shapes.prims)):
@@ -122,6 +118,49 @@ class Tracer:
         for shape in self.scene.shapes():
             names[np.array(si.shape == mi.ShapePtr(shape))] = self.prims.get(shape.id(), "")
         return names, np.array(si.p).T, diffuse
+
+
+def is_shown(prim: Usd.Prim, time: Usd.TimeCode) -> bool:
+    """Whether a prim is drawn: visible, and of purpose default or render."""
+    imageable = UsdGeom.Imageable(prim)
+    return bool(
+        imageable
+        and imageable.ComputeVisibility(time) != "invisible"
+        and imageable.ComputePurpose() not in SKIPPED_PURPOSES
+    )
+
+
+def stage_prims(stage: Usd.Stage) -> Iterator[Usd.Prim]:
+    """Yields the prims of a stage, into instances, and not into point instancers."""
+    walk = iter(
+        Usd.PrimRange(stage.GetPseudoRoot(), Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate))
+    )
+    for prim in walk:
+        if prim.IsA(UsdGeom.PointInstancer):
+            walk.PruneChildren()
+        yield prim
+
+
+def instanced_prims(
+    instancer: UsdGeom.PointInstancer, world: NDArray, time: Usd.TimeCode
+) -> Iterator[tuple[Usd.Prim, NDArray]]:
+    """Yields the prims below each instance's prototype with their transforms (4, 4), world from prim."""
+    which = instancer.GetProtoIndicesAttr().Get(time) or []
+    prototypes = instancer.GetPrototypesRel().GetForwardedTargets()
+    mask = instancer.ComputeMaskAtTime(time)
+    placed = instancer.ComputeInstanceTransformsAtTime(
+        time, time, UsdGeom.PointInstancer.IncludeProtoXform, UsdGeom.PointInstancer.IgnoreMask
+    )
+    cache = UsdGeom.XformCache(time)
+    for i, (index, matrix) in enumerate(zip(which, placed, strict=True)):
+        if len(mask) and not mask[i]:
+            continue
+        root = instancer.GetPrim().GetStage().GetPrimAtPath(prototypes[index])
+        from_parent = cache.GetLocalTransformation(root)[0].GetInverse() * Gf.Matrix4d(matrix)
+        above = cache.GetParentToWorldTransform(root).GetInverse()
+        for prim in Usd.PrimRange(root, Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)):
+            in_parent = cache.GetLocalToWorldTransform(prim) * above
+            yield prim, world @ np.array(in_parent * from_parent, np.float64).T
 
 
 def _ray(origins: NDArray, directions: NDArray) -> Any:

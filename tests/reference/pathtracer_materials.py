@@ -8,11 +8,14 @@ from typing import Any
 import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
-from pxr import UsdShade
+from pxr import Usd, UsdShade
+from reference.bordered_texture import register as register_texture
 from reference.preview_surface_bsdf import register
 
 register()
+register_texture()
 
+PRIMVAR_READERS = ("UsdPrimvarReader_float", "UsdPrimvarReader_float3", "UsdPrimvarReader_vector")
 CHANNELS = {"rgb": [0, 1, 2], "r": [0], "g": [1], "b": [2], "a": [3]}
 WRAPS = {"repeat": "repeat", "mirror": "mirror", "clamp": "clamp"}
 
@@ -45,8 +48,10 @@ def read_texels(path: str, color_space: str) -> NDArray | None:
     return rgba
 
 
-def input_source(shader: UsdShade.Shader, name: str, fallback: Any, warnings: list[str]) -> tuple[Any, Any]:
-    """Returns (constant, None), or (fallback, (texture shader, output name))."""
+def input_source(
+    shader: UsdShade.Shader, name: str, fallback: Any, warnings: list[str], primvars: dict[str, Any] | None = None
+) -> tuple[Any, Any]:
+    """Returns (constant, None), or (fallback, (texture shader, output name)); primvars are constants of a prim."""
     shade_input = shader.GetInput(name)
     if not shade_input:
         return fallback, None
@@ -60,6 +65,10 @@ def input_source(shader: UsdShade.Shader, name: str, fallback: Any, warnings: li
         kind = source.GetIdAttr().Get() if source else None
         if kind == "UsdUVTexture":
             return fallback, (source, UsdShade.Utils.GetBaseNameAndType(attribute.GetName())[0])
+        if kind in PRIMVAR_READERS:
+            value = (primvars or {}).get(input_source(source, "varname", "", warnings)[0])
+            value = input_source(source, "fallback", None, warnings)[0] if value is None else value
+            return (fallback if value is None else value), None
         warnings.append(f"{kind} feeding {shader.GetPath()}.{name}: fallback used")
         return fallback, None
     value = attribute.Get()
@@ -72,9 +81,22 @@ class MaterialReader:
     def __init__(self, model: str, warnings: list[str]) -> None:
         self.model = model
         self.warnings = warnings
+        self._primvars: dict[str, Any] = {}
 
-    def read(self, material: UsdShade.Material | None, display: tuple[float, ...]) -> tuple[dict, Any, str]:
-        """Returns (BSDF dictionary, emitter dictionary or None, name of the texture coordinates)."""
+    def read(
+        self,
+        material: UsdShade.Material | None,
+        display: tuple[float, ...],
+        primvars: dict[str, Any] | None = None,
+    ) -> tuple[dict, Any, str]:
+        """Returns (BSDF dictionary, emitter dictionary or None, name of the texture coordinates).
+
+        Args:
+          material: what is bound, or None.
+          display: colour of a prim without a material.
+          primvars: constant primvars of the prim, for readers of the material; see `names_of_primvars`.
+        """
+        self._primvars = primvars or {}
         bsdf: dict[str, Any] = {"type": "usdpreviewsurface", "model": self.model}
         shader = material.ComputeSurfaceSource()[0] if material else None
         if not shader or shader.GetIdAttr().Get() != "UsdPreviewSurface":
@@ -105,22 +127,37 @@ class MaterialReader:
             coat_roughness = scalar("clearcoatRoughness", 0.01)
             bsdf.update(clearcoat=coat, has_clearcoat=True, clearcoat_roughness=coat_roughness)
         self._add_opacity(bsdf, shader, scalar("opacity", 1.0))
-        for name in ("normal", "displacement", "occlusion"):
-            shade_input = shader.GetInput(name)
-            if shade_input and (
-                shade_input.HasConnectedSource() or (name == "displacement" and shade_input.Get())
-            ):
-                self.warnings.append(f"{name} on {material.GetPath()}: ignored")
+        self._add_normal(bsdf, shader, uv_names)
+        shade_input = shader.GetInput("displacement")
+        if shade_input and (shade_input.HasConnectedSource() or shade_input.Get()):
+            self.warnings.append(f"displacement on {material.GetPath()}: ignored")
         emission, texture = self._source(shader, "emissiveColor", (0, 0, 0))
         emitter = None
         if texture:
             emitter = {"type": "area", "radiance": self._texture(*texture, 3, uv_names)}
         elif any(x > 0 for x in emission):
             emitter = {"type": "area", "radiance": {"type": "rgb", "value": [float(x) for x in emission]}}
+        if len(set(uv_names[1:])) > 1:
+            self.warnings.append(f"several texture coordinates on {material.GetPath()}: {uv_names[-1]} for all")
         return bsdf, emitter, uv_names[-1]
 
     def _source(self, shader: UsdShade.Shader, name: str, fallback: Any) -> tuple[Any, Any]:
-        return input_source(shader, name, fallback, self.warnings)
+        return input_source(shader, name, fallback, self.warnings, self._primvars)
+
+    def _add_normal(self, bsdf: dict, shader: UsdShade.Shader, uv_names: list[str]) -> None:
+        """Adds the normal map: texels that are vectors in -1..1, and st as a map of the mesh's coordinates."""
+        texture = self._source(shader, "normal", (0, 0, 1))[1]
+        if not texture:
+            return
+        reader, output = texture
+        bitmap = self._texture(reader, output, 3, uv_names, as_vectors=True)
+        inner = bitmap.get("inner", bitmap)
+        st_from_uv = np.array(inner["to_uv"].matrix)[:2, :2] if "to_uv" in inner else np.eye(2)
+        # Mitsuba's v runs down: the derivatives of the position change with it, in the BSDF.
+        uv_from_st = np.linalg.inv(np.array([[1, -1], [-1, 1]]) * st_from_uv)
+        bsdf["normal_map"] = bitmap
+        for i, value in enumerate(uv_from_st.ravel()):
+            bsdf[f"uv_from_st{i}"] = float(value)
 
     def _add_opacity(self, bsdf: dict, shader: UsdShade.Shader, opacity: Any) -> None:
         if opacity == 1.0:
@@ -129,15 +166,17 @@ class MaterialReader:
         mode = self._source(shader, "opacityMode", "transparent")[0]
         if threshold > 0:
             mode = "presence"
-            if isinstance(opacity, float):
-                opacity = 1.0 if opacity >= threshold else 0.0
-            else:
-                opacity["data"] = mi.TensorXf((np.array(opacity["data"]) >= threshold).astype(np.float32))
-                opacity["filter_type"] = "nearest"
-        bsdf.update(opacity=opacity, has_null=True, presence=mode == "presence")
+        bsdf.update(
+            opacity=opacity, has_null=True, presence=mode == "presence", opacity_threshold=threshold
+        )
 
-    def _texture(self, texture: UsdShade.Shader, output: str, size: int, uv_names: list[str]) -> dict:
-        """Returns a bitmap dictionary with scale and bias applied to its texels."""
+    def _texture(
+        self, texture: UsdShade.Shader, output: str, size: int, uv_names: list[str], as_vectors: bool = False
+    ) -> dict:
+        """Returns a bitmap dictionary with scale and bias applied to its texels.
+
+        Integer normal maps (`as_vectors`) without scale and bias are read as if they had 2 and -1.
+        """
 
         def value(name: str, fallback: Any) -> Any:
             return self._source(texture, name, fallback)[0]
@@ -146,8 +185,12 @@ class MaterialReader:
         path = (asset.resolvedPath or asset.path) if asset else ""
         if "<UDIM>" in path:
             self.warnings.append(f"UDIM texture {path}")
-        texels = read_texels(path, value("sourceColorSpace", "auto"))
+        texels = read_texels(path, "raw" if as_vectors else value("sourceColorSpace", "auto"))
         scale, bias = value("scale", (1, 1, 1, 1)), value("bias", (0, 0, 0, 0))
+        is_plain = (*scale, *bias) == (1, 1, 1, 1, 0, 0, 0, 0)
+        if as_vectors and is_plain and not path.endswith((".exr", ".hdr")):
+            scale, bias = (2, 2, 2, 2), (-1, -1, -1, -1)
+            self.warnings.append(f"normal map {texture.GetPath()} without scale and bias: taken as 2 and -1")
         if texels is None:
             self.warnings.append(f"unreadable texture {path}")
             texels = np.broadcast_to(np.array(value("fallback", (0, 0, 0, 1)), np.float32), (2, 2, 4))
@@ -159,18 +202,18 @@ class MaterialReader:
         wrap_s, wrap_t = value("wrapS", "useMetadata"), value("wrapT", "useMetadata")
         if wrap_s != wrap_t:
             self.warnings.append(f"wrapS {wrap_s} with wrapT {wrap_t} on {texture.GetPath()}")
-        if wrap_s not in WRAPS:
-            self.warnings.append(f"wrap mode {wrap_s} on {texture.GetPath()}: taken as repeat")
         texels = np.ascontiguousarray(texels[..., channels[:size]], np.float32)
         bitmap: dict[str, Any] = {
             "type": "bitmap",
             "data": mi.TensorXf(texels),
             "raw": True,
-            "wrap_mode": WRAPS.get(wrap_s, "repeat"),
+            "wrap_mode": WRAPS.get(wrap_s, "clamp"),
             "filter_type": "bilinear",
         }
         uv_names.append(self._coordinates(texture, bitmap))
-        return bitmap
+        if wrap_s in WRAPS:
+            return bitmap
+        return _bordered(bitmap, np.broadcast_to(np.array(bias, float), 4)[channels[:size]])
 
     def _coordinates(self, texture: UsdShade.Shader, bitmap: dict) -> str:
         """Adds a UsdTransform2d to the bitmap; returns the name of the primvar that is read."""
@@ -190,6 +233,24 @@ class MaterialReader:
             bitmap["to_uv"] = mi.ScalarTransform4f(to_uv)
             reader = _connected(reader, "in")
         return str(self._source(reader, "varname", "st")[0] or "st") if reader else "st"
+
+
+def _bordered(bitmap: dict, border: NDArray) -> dict:
+    """A bitmap that is black (its bias) outside 0..1: wrap modes `black` and, without metadata, `useMetadata`."""
+    m = np.array(bitmap["to_uv"].matrix) if "to_uv" in bitmap else np.eye(4)
+    places = {f"m{i}": float(x) for i, x in enumerate([*m[0, :2], m[0, 3], *m[1, :2], m[1, 3]])}
+    border = np.repeat(border, 3)[:3] if len(border) == 1 else border
+    return {"type": "bordered", "inner": bitmap, "border": mi.ScalarColor3f(*border.tolist()), **places}
+
+
+def names_of_primvars(material: UsdShade.Material) -> list[str]:
+    """Returns the primvars that colours and numbers of a material are read from."""
+    names = []
+    for prim in Usd.PrimRange(material.GetPrim(), Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)):
+        shader = UsdShade.Shader(prim)
+        if shader and shader.GetIdAttr().Get() in PRIMVAR_READERS:
+            names.append(str(input_source(shader, "varname", "", [])[0]))
+    return sorted(set(names))
 
 
 def _connected(shader: UsdShade.Shader, name: str) -> UsdShade.Shader | None:

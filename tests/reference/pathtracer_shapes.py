@@ -1,20 +1,38 @@
-"""Gprims of a stage as shapes of Mitsuba 3.  Meshes are not subdivided."""
+"""Gprims of a stage as shapes of Mitsuba 3.
+
+Catmull-Clark cages are refined once (without creases; face-varying coordinates linearly), other subdivision
+surfaces are shown as their cage, both with smooth normals.  Instances are copies.
+"""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 from pxr import Usd, UsdGeom, UsdShade
-from reference.pathtracer_materials import MaterialReader
+from reference.catmull_clark import refine, refine_corners
+from reference.pathtracer_materials import MaterialReader, names_of_primvars
 
 PLANE_AXES = {
     "Z": np.eye(3),
     "Y": np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0.0]]),
     "X": np.array([[0, 0, 1], [0, 1, 0], [-1, 0, 0.0]]),
 }
+
+
+@dataclass(frozen=True)
+class Polygons:
+    """A mesh as it is shown, in its own space."""
+
+    points: NDArray  # (V, 3)
+    indices: NDArray  # (C,)
+    counts: NDArray  # (F,)
+    parent: NDArray  # (F,) face of the mesh as it is written
+    is_smooth: bool  # normals are the means of the faces around
+    refined: tuple[NDArray, NDArray] | None  # indices and counts of the cage that was refined
 
 
 class ShapeReader:
@@ -27,6 +45,7 @@ class ShapeReader:
         self.low, self.high = np.full(3, np.inf), np.full(3, -np.inf)
         self._materials = MaterialReader(model, warnings)
         self._bsdfs: dict[Any, tuple[Any, Any, str]] = {}
+        self._shown: dict[str, Polygons] = {}  # by prim, of an instance the one in its prototype
 
     def bounding_sphere(self) -> tuple[NDArray, float]:
         """Centre (3,) and radius of a sphere around all shapes."""
@@ -34,21 +53,23 @@ class ShapeReader:
             return np.zeros(3), 1.0
         return (self.low + self.high) / 2, max(float(np.linalg.norm(self.high - self.low)) / 2, 1e-3)
 
+    def read(self, prim: Usd.Prim, world: NDArray) -> None:
+        """Adds a gprim."""
+        (self.mesh if prim.GetTypeName() == "Mesh" else self.gprim)(prim, world)
+
     def mesh(self, prim: Usd.Prim, world: NDArray) -> None:
         """Adds a Mesh: one shape for each material that its faces use."""
         mesh, api = UsdGeom.Mesh(prim), UsdGeom.PrimvarsAPI(prim)
-        points = np.asarray(mesh.GetPointsAttr().Get(self.time), np.float64)
-        indices = np.asarray(mesh.GetFaceVertexIndicesAttr().Get(self.time))
-        counts = np.asarray(mesh.GetFaceVertexCountsAttr().Get(self.time))
-        corner, face = triangulate(counts)
+        shown = self._polygons(mesh)
+        corner, face = triangulate(shown.counts)
         is_left_handed = mesh.GetOrientationAttr().Get() == "leftHanded"
         if is_left_handed != (np.linalg.det(world[:3, :3]) < 0):
             corner = corner[:, ::-1]
-        vertex = indices[corner]
-        world_points = points @ world[:3, :3].T + world[:3, 3]
-        positions = world_points[vertex]
+        vertex = shown.indices[corner]
+        positions = (shown.points @ world[:3, :3].T + world[:3, 3])[vertex]
         self._grow(positions)
-        normals = self._normals(mesh, api, world, corner, vertex, face, positions, len(points))
+        normals = self._normals(mesh, api, world, shown, corner, face, positions)
+        counts, face = np.asarray(mesh.GetFaceVertexCountsAttr().Get(self.time)), shown.parent[face]
         left_over = np.ones(len(counts), bool)
         groups = []
         for subset in UsdShade.MaterialBindingAPI(prim).GetMaterialBindSubsets():
@@ -61,11 +82,8 @@ class ShapeReader:
             if not take.any():
                 continue
             bsdf, emitter, uv_name = self._material(owner)
-            primvar = api.GetPrimvar(uv_name)
-            uvs = None
-            if primvar and primvar.HasValue():
-                values = (primvar.ComputeFlattened(self.time), primvar.GetInterpolation())
-                uvs = corner_values(values, corner, vertex, face)[take]
+            uvs = self._coordinates(api.FindPrimvarWithInheritance(uv_name), shown, corner, face)
+            uvs = None if uvs is None else uvs[take]
             shading = None if normals is None else normals[take]
             self._add(_mesh_shape(prim.GetName(), positions[take], shading, uvs, bsdf, emitter), prim)
 
@@ -116,8 +134,14 @@ class ShapeReader:
     def _material(self, prim: Usd.Prim) -> tuple[Any, Any, str]:
         material = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial("full")[0]
         display: tuple[float, ...] = (0.18, 0.18, 0.18)
-        key: Any = str(material.GetPath()) if material else None
-        if not material:
+        primvars: dict[str, Any] = {}
+        key: Any = None
+        if material:
+            own = material.GetPrim()
+            own = own.GetPrimInPrototype() if own.IsInstanceProxy() else own
+            primvars = self._constants(prim, names_of_primvars(material))
+            key = str(own.GetPath()), str(primvars)
+        else:
             gprim = UsdGeom.Gprim(prim)
             color = gprim.GetDisplayColorAttr().Get(self.time) if gprim else None
             if color and len(color) == 1:
@@ -126,29 +150,77 @@ class ShapeReader:
                 self.warnings.append(f"varying displayColor on {prim.GetPath()}")
             key = ("display", display)
         if key not in self._bsdfs:
-            bsdf, emitter, uv_name = self._materials.read(material, display)
+            bsdf, emitter, uv_name = self._materials.read(material, display, primvars)
             self._bsdfs[key] = (mi.load_dict(bsdf), emitter, uv_name)
         return self._bsdfs[key]
+
+    def _constants(self, prim: Usd.Prim, names: list[str]) -> dict[str, Any]:
+        """Returns the primvars of a prim that have one value."""
+        found = {}
+        for name in names:
+            primvar = UsdGeom.PrimvarsAPI(prim).FindPrimvarWithInheritance(name)
+            value = primvar.ComputeFlattened(self.time) if primvar and primvar.HasValue() else None
+            if value is None:
+                continue
+            rows = np.asarray(value, float)
+            if rows.ndim and len(rows) > 1 and primvar.GetInterpolation() != "constant":
+                self.warnings.append(f"varying primvar {name} on {prim.GetPath()}: its mean")
+            row = rows.reshape(len(rows), -1).mean(0) if rows.ndim else rows
+            found[name] = tuple(row.tolist()) if row.size > 1 else float(row.reshape(-1)[0])
+        return found
+
+    def _polygons(self, mesh: UsdGeom.Mesh) -> Polygons:
+        prim = mesh.GetPrim()
+        key = str((prim.GetPrimInPrototype() if prim.IsInstanceProxy() else prim).GetPath())
+        if key in self._shown:
+            return self._shown[key]
+        points = np.asarray(mesh.GetPointsAttr().Get(self.time), np.float64)
+        indices = np.asarray(mesh.GetFaceVertexIndicesAttr().Get(self.time)).astype(int)
+        counts = np.asarray(mesh.GetFaceVertexCountsAttr().Get(self.time)).astype(int)
+        scheme = mesh.GetSubdivisionSchemeAttr().Get()
+        shown = Polygons(points, indices, counts, np.arange(len(counts)), scheme != "none", None)
+        if scheme == "catmullClark":
+            if any(a.Get(self.time) for a in (mesh.GetCreaseIndicesAttr(), mesh.GetCornerIndicesAttr())):
+                self.warnings.append(f"creases of {prim.GetPath()}: ignored")
+            fine = refine(points, indices, counts)
+            fours = np.full(len(fine.indices), 4)
+            shown = Polygons(
+                fine.values, fine.indices.ravel(), fours, fine.parent, True, (indices, counts)
+            )
+        elif scheme != "none":
+            self.warnings.append(f"subdivisionScheme {scheme} on {prim.GetPath()}: control cage, smooth normals")
+        self._shown[key] = shown
+        return shown
+
+    def _coordinates(
+        self, primvar: UsdGeom.Primvar, shown: Polygons, corner: NDArray, parent: NDArray
+    ) -> NDArray | None:
+        """Texture coordinates (T, 3, 2) of the triangles."""
+        if not primvar or not primvar.HasValue():
+            return None
+        values = np.asarray(primvar.ComputeFlattened(self.time), np.float64)
+        interpolation = primvar.GetInterpolation()
+        if shown.refined and interpolation in ("vertex", "varying"):
+            values = refine(values, *shown.refined).values
+        elif shown.refined and interpolation == "faceVarying":
+            values = refine_corners(values, shown.refined[1])
+        return corner_values((values, interpolation), corner, shown.indices[corner], parent)
 
     def _normals(
         self,
         mesh: UsdGeom.Mesh,
         api: UsdGeom.PrimvarsAPI,
         world: NDArray,
+        shown: Polygons,
         corner: NDArray,
-        vertex: NDArray,
         face: NDArray,
         positions: NDArray,
-        vertices: int,
     ) -> NDArray | None:
         """Unit shading normals (T, 3, 3), or None for flat faces."""
-        scheme = mesh.GetSubdivisionSchemeAttr().Get()
-        if scheme != "none":
-            self.warnings.append(
-                f"subdivisionScheme {scheme} on {mesh.GetPath()}: control cage, smooth normals"
-            )
+        vertex = shown.indices[corner]
+        if shown.is_smooth:
             face_normals = np.cross(positions[:, 1] - positions[:, 0], positions[:, 2] - positions[:, 0])
-            sums = np.zeros((vertices, 3))
+            sums = np.zeros((len(shown.points), 3))
             for k in range(3):
                 np.add.at(sums, vertex[:, k], face_normals)
             normals = sums[vertex]

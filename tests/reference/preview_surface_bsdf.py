@@ -11,7 +11,11 @@ of the shader that ships with OpenUSD.  `model` chooses D and G:
     storm     as OpenUSD's shader evaluates it, with its epsilons of 1e-3
 
 `f90` (default 1) exists for tests only: f90 = 0 with specular = 0 is a pure Lambertian surface, which
-UsdPreviewSurface cannot express.  Source: UsdPreviewSurface specification 2.5; Heitz 2014 (G).
+UsdPreviewSurface cannot express.
+
+Normal map: n = x T + y B + z N, T and B the derivatives of the position by s and t, orthogonal to N.  Where n
+faces away from the eye it is turned about N by half a turn; light from below the surface is none.
+Source: UsdPreviewSurface specification 2.5; Heitz 2014 (G); Schuessler et al. 2017 (both choices of n).
 """
 
 from __future__ import annotations
@@ -47,6 +51,9 @@ class UsdPreviewSurface(mi.BSDF):
         self.has_clearcoat = bool(props.get("has_clearcoat", False))
         self.has_null = bool(props.get("has_null", False))
         self.presence = bool(props.get("presence", False))
+        self.opacity_threshold = float(props.get("opacity_threshold", 0.0))
+        self.normal_map = props.get("normal_map", None)
+        self.uv_from_st = [float(props.get(f"uv_from_st{i}", (1.0, 0.0, 0.0, 1.0)[i])) for i in range(4)]
         sides = mi.BSDFFlags.FrontSide | mi.BSDFFlags.BackSide
         self.m_components = [mi.BSDFFlags.GlossyReflection | mi.BSDFFlags.DiffuseReflection | sides]
         if self.has_null:
@@ -87,12 +94,31 @@ class UsdPreviewSurface(mi.BSDF):
             d = d * (1 - m)
         roughness = dr.maximum(_scalar_at(self.roughness, si, active), 1e-3)
         opacity = _scalar_at(self.opacity, si, active) if self.has_null else mi.Float(1)
+        if self.opacity_threshold > 0:
+            opacity = dr.select(opacity >= self.opacity_threshold, mi.Float(1), mi.Float(0))
         if self.has_null and not self.presence:
             d = d * opacity
         return d, f0, f90, roughness, opacity
 
     def _r0(self) -> float:
         return ((1 - self.ior) / (1 + self.ior)) ** 2
+
+    def mapped_frame(self, si: Any, wi: Any, active: Any) -> Any:
+        """Returns the frame about the mapped normal, in the frame of the surface; wi is above the surface."""
+        if self.normal_map is None:
+            return mi.Frame3f(mi.Vector3f(1, 0, 0), mi.Vector3f(0, 1, 0), mi.Vector3f(0, 0, 1))
+        n = self.normal_map.eval_3(si, active)
+        m = self.uv_from_st
+        dp_du, dp_dv = si.to_local(si.dp_du), si.to_local(-si.dp_dv)  # by USD's v, which runs up
+        dp_ds, dp_dt = dp_du * m[0] + dp_dv * m[2], dp_du * m[1] + dp_dv * m[3]
+        length = dr.sqrt(dp_ds.x * dp_ds.x + dp_ds.y * dp_ds.y)
+        t = mi.Vector3f(dp_ds.x, dp_ds.y, 0) / dr.maximum(length, 1e-20)
+        b = mi.Vector3f(-t.y, t.x, 0) * dr.sign(-dp_dt.x * t.y + dp_dt.y * t.x)
+        mapped = dr.normalize(n[0] * t + n[1] * b + mi.Vector3f(0, 0, n[2]))
+        mapped = dr.select((length > 1e-18) & (dr.squared_norm(mi.Vector3f(n)) > 0), mapped, mi.Vector3f(0, 0, 1))
+        turned = dr.normalize(mi.Vector3f(-mapped.x, -mapped.y, dr.abs(mapped.z)))
+        mapped = dr.select(dr.dot(mapped, wi) > 0, mapped, turned)
+        return mi.Frame3f(mapped)
 
     # Microfacet terms.
 
@@ -120,6 +146,9 @@ class UsdPreviewSurface(mi.BSDF):
         d, f0, f90, roughness, opacity = surface
         wi = dr.mulsign(mi.Vector3f(si.wi), si.wi.z)
         wo = dr.mulsign(mi.Vector3f(wo), si.wi.z)
+        active = active & (wo.z > 0) & (wi.z > 0)
+        frame = self.mapped_frame(si, wi, active)
+        wi, wo = frame.to_local(wi), frame.to_local(wo)
         nl, ne = wo.z, wi.z
         active = active & (nl > 0) & (ne > 0)
         nl, ne = dr.maximum(nl, 1e-6), dr.maximum(ne, 1e-6)
@@ -161,7 +190,10 @@ class UsdPreviewSurface(mi.BSDF):
         specular, coat, cosine, through = self._weights(surface, si, active)
         wi = dr.mulsign(mi.Vector3f(si.wi), si.wi.z)
         wo = dr.mulsign(mi.Vector3f(wo), si.wi.z)
+        frame = self.mapped_frame(si, wi, active)
         ok = active & (wi.z > 0) & (wo.z > 0)
+        wi, wo = frame.to_local(wi), frame.to_local(wo)
+        ok = ok & (wi.z > 0) & (wo.z > 0)
         h = dr.normalize(wi + wo)
         jacobian = 4 * dr.maximum(dr.dot(wi, h), 1e-6)
         pdf = specular * self._lobe(surface[3])[1].pdf(wi, h) / jacobian
@@ -176,6 +208,8 @@ class UsdPreviewSurface(mi.BSDF):
         surface = self.surface(si, active)
         specular, coat, _, through = self._weights(surface, si, active)
         wi = dr.mulsign(mi.Vector3f(si.wi), si.wi.z)
+        frame = self.mapped_frame(si, wi, active)
+        wi = frame.to_local(wi)
         bs = dr.zeros(mi.BSDFSample3f)
         is_through = sample1 < through
         u = dr.clip((sample1 - through) / dr.maximum(1 - through, 1e-4), 0, 0.9999999)
@@ -186,7 +220,7 @@ class UsdPreviewSurface(mi.BSDF):
             roughness = dr.select(is_coat, rough_c, roughness)
         h, _ = self._lobe(roughness)[1].sample(wi, sample2)
         wo_cosine = mi.warp.square_to_cosine_hemisphere(sample2)
-        wo = dr.select(is_specular | is_coat, mi.reflect(wi, h), wo_cosine)
+        wo = frame.to_world(dr.select(is_specular | is_coat, mi.reflect(wi, h), wo_cosine))
         bs.wo = dr.mulsign(mi.Vector3f(wo), si.wi.z)
         bs.pdf = self._pdf(surface, si, bs.wo, active)
         bs.eta = 1
