@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from usdslf.color import Color, color_of
+from usdslf.color import USD_DEFAULT_SPACE, Color, color_of
 from usdslf.errors import InputError
 
 RAMP = np.linspace(0, 1, 33, dtype=np.float32)[:, None] * np.array([1.0, 0.7, 0.3], np.float32)
@@ -27,12 +27,12 @@ def srgb_to_linear(code: np.ndarray) -> np.ndarray:
 
 @pytest.mark.parametrize("name", ["sRGB", "srgb_rec709_scene", "srgb_texture"])
 def test_srgb_codes_become_linear_by_the_standard(name: str) -> None:
-    assert color_of().to_working(RAMP, name) == pytest.approx(srgb_to_linear(RAMP), abs=2e-6)
+    assert color_of(None, USD_DEFAULT_SPACE).to_working(RAMP, name) == pytest.approx(srgb_to_linear(RAMP), abs=2e-6)
 
 
 @pytest.mark.parametrize("name", ["raw", "data", "", "lin_rec709_scene"])
 def test_data_and_the_working_space_stay_as_they_are(name: str) -> None:
-    np.testing.assert_array_equal(color_of().to_working(RAMP * 9, name), RAMP * 9)
+    np.testing.assert_array_equal(color_of(None, USD_DEFAULT_SPACE).to_working(RAMP * 9, name), RAMP * 9)
 
 
 def test_rec709_to_acescg_is_the_published_matrix() -> None:
@@ -43,46 +43,47 @@ def test_rec709_to_acescg_is_the_published_matrix() -> None:
 @pytest.mark.parametrize("space", ["sRGB", "ACEScg", "g22_rec709_scene"])
 def test_conversion_there_and_back_is_identity_and_keeps_alpha(space: str) -> None:
     rgba = np.concatenate([RAMP, RAMP[:, :1] * 0.5], 1)
-    back = color_of().to_working(color_of().from_working(rgba, space), space)
+    color = color_of(None, USD_DEFAULT_SPACE)
+    back = color.to_working(color.from_working(rgba, space), space)
     assert back == pytest.approx(rgba, abs=5e-6)
 
 
 def test_exposure_is_a_power_of_two_before_the_view() -> None:
-    color = color_of()
+    color = color_of(None, USD_DEFAULT_SPACE)
     assert color.display(RAMP, exposure=1.5) == pytest.approx(color.display(RAMP * 2**1.5), abs=1e-5)
 
 
 def test_gamma_acts_on_display_codes() -> None:
-    color = color_of()
+    color = color_of(None, USD_DEFAULT_SPACE)
     plain = np.clip(color.display(RAMP), 0, None).astype(np.float64)
     assert color.display(RAMP, gamma=2.0) == pytest.approx(np.sqrt(plain), abs=2e-4)
 
 
 def test_untonemapped_view_is_the_srgb_curve() -> None:
-    found = color_of().display(RAMP, view="Un-tone-mapped")
+    found = color_of(None, USD_DEFAULT_SPACE).display(RAMP, view="Un-tone-mapped")
     assert srgb_to_linear(found) == pytest.approx(RAMP, abs=1e-4)
 
 
 def test_inverse_view_of_display_white_is_far_too_bright_for_a_reflectance() -> None:
     white = np.ones((1, 3), np.float32)
-    assert color_of().display(white, invert=True) == pytest.approx(128, rel=0.01)
+    assert color_of(None, USD_DEFAULT_SPACE).display(white, invert=True) == pytest.approx(128, rel=0.01)
 
 
 def test_pixels_that_are_not_finite_are_shown() -> None:
-    shown = color_of().display(np.array([[np.nan, np.inf, -np.inf]], np.float32))
+    shown = color_of(None, USD_DEFAULT_SPACE).display(np.array([[np.nan, np.inf, -np.inf]], np.float32))
     assert np.isfinite(shown).all()
 
 
 def test_the_resolved_config_is_named() -> None:
-    assert "cg-config" in color_of().config_name
-    assert color_of().display_name in color_of().displays()
+    assert "cg-config" in color_of(None, USD_DEFAULT_SPACE).config_name
+    assert color_of(None, USD_DEFAULT_SPACE).display_name in color_of(None, USD_DEFAULT_SPACE).displays()
 
 
 def test_the_given_config_wins_over_the_environment(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("OCIO", str(tmp_path / "none.ocio"))
-    assert "cg-config" in color_of("ocio://default").config_name
+    assert "cg-config" in color_of("ocio://default", USD_DEFAULT_SPACE).config_name
     with pytest.raises(InputError, match=r"none\.ocio.*\$OCIO"):
-        color_of()
+        color_of(None, USD_DEFAULT_SPACE)
 
 
 @pytest.mark.parametrize("text", [None, "this is no config", ""])
@@ -91,20 +92,20 @@ def test_a_bad_config_is_one_sentence(text: str | None, tmp_path: Path) -> None:
     if text is not None:
         path.write_text(text)
     with pytest.raises(InputError) as e:
-        Color(str(path))
+        Color(str(path), USD_DEFAULT_SPACE)
     assert "bad.ocio" in str(e.value)
     assert "\n" not in str(e.value)
 
 
 def test_unknown_names_are_errors() -> None:
     with pytest.raises(InputError, match="nonsense"):
-        color_of().to_working(RAMP, "nonsense")
+        color_of(None, USD_DEFAULT_SPACE).to_working(RAMP, "nonsense")
     with pytest.raises(InputError, match="nonsense"):
         color_of(None, "nonsense")
     with pytest.raises(InputError, match="nonsense"):
-        color_of().display(RAMP, view="nonsense")
+        color_of(None, USD_DEFAULT_SPACE).display(RAMP, view="nonsense")
     with pytest.raises(InputError, match="channels"):
-        color_of().to_working(RAMP[:, :2], "sRGB")
+        color_of(None, USD_DEFAULT_SPACE).to_working(RAMP[:, :2], "sRGB")
 
 
 def test_a_config_without_usd_names_still_reads_srgb(tmp_path: Path) -> None:

@@ -30,12 +30,13 @@ class Color:
     """Conversions into and out of one working space by one OpenColorIO config.
 
     Attributes:
+        config: as it was asked for, "" where it was not.
         config_name: the resolved name, to be recorded with results.
         working_space: name of the scene-linear space of all pixels inside the program.
         display_name, view_name: what `display` uses unless told otherwise.
     """
 
-    def __init__(self, config: str | None = None, working_space: str = USD_DEFAULT_SPACE) -> None:
+    def __init__(self, config: str | None, working_space: str) -> None:
         origin, path = "--ocio", config
         if not path:
             origin, path = "$OCIO", os.environ.get("OCIO")
@@ -52,7 +53,7 @@ class Color:
             ) from None
         self._built_in = ocio.Config.CreateFromFile(BUILT_IN)
         self.config_name: str = self._config.getName() or str(path)
-        self.working_space = working_space
+        self.config, self.working_space = config or "", working_space
         if not self.knows(working_space):
             raise InputError(
                 f"working space {working_space} is not in {self.config_name}, "
@@ -163,14 +164,20 @@ class Color:
             return None
         a, b = (_SYNONYMS.get(n, n) for n in (source, target))
         here, built_in = self._config, self._built_in
-        if here.getColorSpace(a) and here.getColorSpace(b):
-            processor = here.getProcessor(a, b)
-        elif here.getColorSpace(b):
-            processor = ocio.Config.GetProcessorFromBuiltinColorSpace(a, here, b)
-        elif here.getColorSpace(a):
-            processor = ocio.Config.GetProcessorToBuiltinColorSpace(here, a, b)
-        else:
-            processor = built_in.getProcessor(a, b)
+        try:
+            if here.getColorSpace(a) and here.getColorSpace(b):
+                processor = here.getProcessor(a, b)
+            elif here.getColorSpace(b):
+                processor = ocio.Config.GetProcessorFromBuiltinColorSpace(a, here, b)
+            elif here.getColorSpace(a):
+                processor = ocio.Config.GetProcessorToBuiltinColorSpace(here, a, b)
+            else:
+                processor = built_in.getProcessor(a, b)
+        except ocio.Exception as e:  # a file of a look-up table is missing, or a role that ties it to other configs
+            reason = " ".join(str(e).split()).rstrip(".")
+            raise InputError(
+                f"{self.config_name} cannot convert {source} to {target}, mend it or use another --ocio: {reason}"
+            ) from None
         if processor.isNoOp():
             return None
         # Lossless: the default takes a fast, coarse power function.
@@ -187,13 +194,31 @@ def _run(processor: Any, pixels: F32) -> F32:
 
 
 @lru_cache(maxsize=16)
-def _color(config: str, environment: str, working_space: str) -> Color:
+def _color(config: str, environment: str, changed: tuple[int, int], working_space: str) -> Color:
     return Color(config or None, working_space)
 
 
-def color_of(config: str | None = None, working_space: str = USD_DEFAULT_SPACE) -> Color:
-    """Returns the `Color` of a config and a working space, the same object each time."""
-    return _color(config or "", os.environ.get("OCIO", ""), working_space)
+def color_of(config: str | None, working_space: str) -> Color:
+    """Returns the `Color` of a config and a working space: the same object until the config's file changes.
+
+    Args:
+        config: OpenColorIO config, a file or a name that it knows; None or "": $OCIO, else the built-in one.
+        working_space: scene-linear space of all pixels inside the program; `Scene.working_space` of a shot.
+
+    Raises:
+        InputError: the config cannot be used, or lacks the space.
+    """
+    environment = os.environ.get("OCIO", "")
+    return _color(config or "", environment, _stamp(config or environment), working_space)
+
+
+def _stamp(path: str) -> tuple[int, int]:
+    """Time of last change and size of a file, zeros where there is none."""
+    try:
+        status = os.stat(path)
+    except (OSError, ValueError):
+        return 0, 0
+    return status.st_mtime_ns, status.st_size
 
 
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)

@@ -106,7 +106,7 @@ class Session:
         if model not in MODELS:
             raise InputError(f"unknown reflectance model '{model}'; choose one of {', '.join(MODELS)}")
         self.shot = open_stage(stage) if isinstance(stage, (str, os.PathLike)) else stage
-        self.made = make_preview_materials(self.shot) if make_preview else None
+        self.made = make_preview_materials(self.shot, ocio) if make_preview else None
         with quiet_usd():
             self.stage = compose_over(self.shot, self.made.layer) if self.made else self.shot
         self.frame, self.ocio = frame, ocio

@@ -12,7 +12,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
-from usdslf.color import Color
+from usdslf.color import USD_DEFAULT_SPACE, Color
 from usdslf.edits.baked_texture import Baked, bake_texture, plain_texture
 from usdslf.errors import AuthorError
 from usdslf.scene.records import Material, Mesh, Scene, Texture
@@ -159,7 +159,8 @@ def test_scale_and_bias_of_the_node_stay_and_the_value_changes(tmp_path: Path) -
     baked = bake(scene, texture, [0], constant_delta(0.1, 0.1, 0.1), tmp_path)
     st = np.random.default_rng(0).uniform(0.1, 0.4, (50, 2))
     new = texture_of(Path(baked.file), scale=texture.scale, bias=texture.bias)
-    assert_allclose(sample_texture(new, st)[:, :3], sample_texture(texture, st)[:, :3] + 0.1, atol=1e-3)
+    color = Color(None, USD_DEFAULT_SPACE)
+    assert_allclose(sample_texture(new, st, color)[:, :3], sample_texture(texture, st, color)[:, :3] + 0.1, atol=1e-3)
     with pytest.raises(AuthorError, match="scales its texels by zero"):
         bake(
             scene, texture_of(tmp_path / "a.exr", scale=(0, 1, 1, 1)), [0], constant_delta(0, 0, 0), tmp_path
@@ -220,7 +221,7 @@ def test_the_detail_of_a_real_texture_is_kept(assets: Path, tmp_path: Path) -> N
     baked = bake(scene, texture, [0], smooth, tmp_path)
     assert baked.color_space == "lin_rec709_scene"
     y, x = np.indices((1024, 1024)).reshape(2, -1)
-    before = load_texture(texture, Color())[0].at(y, x)[:, 1].reshape(1024, 1024)
+    before = load_texture(texture, Color(None, USD_DEFAULT_SPACE))[0].at(y, x)[:, 1].reshape(1024, 1024)
     after = read(baked.file)[..., 1].astype(np.float32)
     assert np.abs(after - before).max() > 0.09
     fine = [image - gaussian_filter(image, 3) for image in (before, after)]

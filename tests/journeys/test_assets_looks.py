@@ -155,7 +155,7 @@ def check_valid(review: Usd.Stage, blamed: set[str], folder: Path) -> None:
     assert stock(Usd.Stage.Open(str(folder / "look.usda"))) == []
     assert set(stock(review)) <= blamed
     # The assets may lie elsewhere on this machine, which only a path from the root can say.
-    assert {f.name for f in find_wrong(review)} <= {"AbsolutePath"}
+    assert {f.name for f in find_wrong(review, None)} <= {"AbsolutePath"}
 
 
 def check_minimal(entry: Entry, look: Sdf.Layer, edits: list[AuthoredEdit]) -> None:

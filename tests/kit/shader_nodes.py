@@ -77,7 +77,7 @@ class Nodes:
         return evaluate_surface(scene, np.arange(40) % 2, uv)
 
     def made(self) -> tuple[SurfacePoints, list[str]]:
-        made = make_preview(self.stage)
+        made = make_preview(self.stage, None)
         review = compose_over(self.stage, made.layer)
         said = [w for w in made.warnings if not w.startswith("final renders of")]
         return self.points(review), said

@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 from reference import lights as ref
 
+from usdslf.color import USD_DEFAULT_SPACE
 from usdslf.lights.dome import Dome, square_of, table_index
 from usdslf.sampling.hemisphere import SOLID_ANGLE, D, bin_directions
-from usdslf.scene.records import Light
+from usdslf.scene.records import Light, LightTexture
 from usdslf.textures.images import write_image
 
 SPHERE, EACH = ref.fibonacci_cone(200_000)
@@ -240,12 +241,13 @@ def test_even_skies_have_no_peaks() -> None:
 
 def test_a_dome_loads_its_texture(tmp_path: Path) -> None:
     path = write_image(tmp_path / "sky.exr", noise_picture(8), half=False)
-    light = Light("/sky", "dome", (2.0, 2.0, 2.0), np.eye(4), texture=str(path))
+    picture = LightTexture(str(path), "automatic", "auto", "", USD_DEFAULT_SPACE)
+    light = Light("/sky", "dome", (2.0, 2.0, 2.0), np.eye(4), texture=picture)
     world = ref.latlong_direction(2.5, 3.5, 8, 16)[None]
     np.testing.assert_allclose(
         Dome.from_light(light).radiance(world)[0], 2 * noise_picture(8)[2, 3], rtol=2e-3
     )
-    np.testing.assert_allclose(Dome.from_light(replace(light, texture="")).radiance(world), [[2, 2, 2]])
+    np.testing.assert_allclose(Dome.from_light(replace(light, texture=None)).radiance(world), [[2, 2, 2]])
 
 
 def test_broken_pixels_are_black_and_constants_are_exact() -> None:

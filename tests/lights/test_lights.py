@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from reference import lights as ref
 
+from usdslf.color import USD_DEFAULT_SPACE
 from usdslf.light_field.static_light import intersect_light, is_delta, sample_light, static_light
 from usdslf.light_field.visibility import ESCAPES
 from usdslf.lights.defaults import default_lights
@@ -15,7 +16,7 @@ from usdslf.lights.dome import Dome
 from usdslf.rays import RayTracer
 from usdslf.sampling.hemisphere import SOLID_ANGLE, D, bin_directions
 from usdslf.sampling.low_discrepancy import random_shifts, sobol_points
-from usdslf.scene.records import Camera, Light, Material, Mesh, Scene
+from usdslf.scene.records import Camera, Light, LightTexture, Material, Mesh, Scene
 from usdslf.textures.images import write_image
 
 SPHERE, _ = ref.fibonacci_cone(20_000)
@@ -355,8 +356,9 @@ def test_a_rect_texture_is_upright_for_whom_it_shines_on(tmp_path: Path) -> None
     # Red at the upper left, green at the upper right, blue at the lower left, black at the lower right.
     corner = np.array([[[1, 0, 0], [0, 1, 0]], [[0, 0, 1], [0, 0, 0]]], np.float32)
     path = write_image(tmp_path / "corners.exr", np.repeat(np.repeat(corner, 8, 0), 8, 1), half=False)
+    picture = LightTexture(str(path), "latlong", "auto", "", USD_DEFAULT_SPACE)
     light = replace(
-        light_of("rect", at=(0, 0, 0)), width=2.0, height=2.0, radiance=(2.0, 2.0, 2.0), texture=str(path)
+        light_of("rect", at=(0, 0, 0)), width=2.0, height=2.0, radiance=(2.0, 2.0, 2.0), texture=picture
     )
     # Seen from -Z looking along +Z with +Y up, +X is on the left: UsdLux puts the first pixel at (+X, +Y).
     for x, y, color in (

@@ -11,10 +11,13 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 
+from usdslf.color import USD_DEFAULT_SPACE, color_of
 from usdslf.errors import InputError
 from usdslf.scene.records import Texture
 from usdslf.textures import images
 from usdslf.textures.images import latlong_directions, load_latlong, read_image, sample_texture, write_image
+
+COLOR = color_of(None, USD_DEFAULT_SPACE)
 
 # As seen: upper row A B, lower row C D; values are exact in half floats.
 A, B, C, D = (0.25, 0, 0), (0, 0.5, 0), (0, 0, 0.75), (1.0, 1.0, 1.0)
@@ -39,7 +42,7 @@ def four(tmp_path: Path) -> Texture:
 
 
 def rgb(texture: Texture, *st: tuple[float, float]) -> np.ndarray:
-    return sample_texture(texture, np.array(st))[:, :3]
+    return sample_texture(texture, np.array(st), COLOR)[:, :3]
 
 
 def test_st_0_0_is_the_lower_left_corner(four: Texture) -> None:
@@ -78,17 +81,17 @@ def test_scale_and_bias_apply_to_texels_but_not_to_the_fallback(four: Texture) -
     scaled = replace(four, scale=(2, 2, 2, 1), bias=(-1, -1, -1, 0), fallback=(0.1, 0.2, 0.3, 0.4))
     assert rgb(scaled, (0.25, 0.25))[0] == pytest.approx([-1, -1, 0.5])
     missing = replace(scaled, path=four.path + ".none")
-    assert sample_texture(missing, [[0.5, 0.5]])[0] == pytest.approx([0.1, 0.2, 0.3, 0.4])
-    assert sample_texture(scaled, [[np.nan, 0.5]])[0] == pytest.approx([0.1, 0.2, 0.3, 0.4])
+    assert sample_texture(missing, [[0.5, 0.5]], COLOR)[0] == pytest.approx([0.1, 0.2, 0.3, 0.4])
+    assert sample_texture(scaled, [[np.nan, 0.5]], COLOR)[0] == pytest.approx([0.1, 0.2, 0.3, 0.4])
 
 
 def test_8_bit_colour_is_srgb_and_its_alpha_linear(tmp_path: Path) -> None:
     path = save(tmp_path / "c.png", np.full((2, 2, 4), (188, 100, 20, 51), np.uint8))
     expected = [*(((np.array([188, 100, 20]) / 255 + 0.055) / 1.055) ** 2.4), 0.2]
     for space in ("auto", "sRGB"):
-        found = sample_texture(Texture("/t", path, color_space=space), [[0.5, 0.5]])[0]
+        found = sample_texture(Texture("/t", path, color_space=space), [[0.5, 0.5]], COLOR)[0]
         assert found == pytest.approx(expected, abs=1e-6)
-    raw = sample_texture(Texture("/t", path, color_space="raw"), [[0.5, 0.5]])[0]
+    raw = sample_texture(Texture("/t", path, color_space="raw"), [[0.5, 0.5]], COLOR)[0]
     assert raw == pytest.approx(np.array([188, 100, 20, 51]) / 255)
 
 
@@ -99,9 +102,9 @@ def test_srgb_is_decoded_before_it_is_interpolated(tmp_path: Path) -> None:
 
 def test_one_and_two_channels_are_grey_and_data(tmp_path: Path) -> None:
     grey = save(tmp_path / "g.png", np.full((2, 2, 1), 128, np.uint8))
-    assert sample_texture(Texture("/t", grey), [[0.5, 0.5]])[0] == pytest.approx([128 / 255] * 3 + [1])
+    assert sample_texture(Texture("/t", grey), [[0.5, 0.5]], COLOR)[0] == pytest.approx([128 / 255] * 3 + [1])
     both = save(tmp_path / "ga.png", np.full((2, 2, 2), (64, 51), np.uint8))
-    assert sample_texture(Texture("/t", both), [[0.5, 0.5]])[0] == pytest.approx([64 / 255] * 3 + [0.2])
+    assert sample_texture(Texture("/t", both), [[0.5, 0.5]], COLOR)[0] == pytest.approx([64 / 255] * 3 + [0.2])
 
 
 @pytest.mark.parametrize("format", ["uint16", "half", "float"])
@@ -141,7 +144,7 @@ def test_textures_inside_a_package_are_read(tmp_path: Path, four: Texture) -> No
         archive.write(four.path, "maps/four.exr")
     inside = replace(four, path=f"{package}[maps/four.exr]")
     assert rgb(inside, (0, 0))[0] == pytest.approx(C)
-    assert images.unreadable(replace(four, path=f"{package}[maps/none.exr]"))
+    assert images.unreadable(replace(four, path=f"{package}[maps/none.exr]"), COLOR)
 
 
 def test_unreadable_files_say_why(tmp_path: Path) -> None:
@@ -153,7 +156,7 @@ def test_unreadable_files_say_why(tmp_path: Path) -> None:
     cut.write_bytes(whole[: len(whole) // 2])
     for path in (text, cut, tmp_path / "none.png", tmp_path):
         texture = Texture("/t", str(path), fallback=(0.5, 0, 0, 1))
-        ((file, why),) = images.unreadable(texture)
+        ((file, why),) = images.unreadable(texture, COLOR)
         assert file == str(path)
         assert why
         assert "\n" not in why
@@ -183,7 +186,7 @@ def test_latlong_directions_follow_usdlux() -> None:
 
 def test_latlong_pixels_are_those_of_the_file(tmp_path: Path) -> None:
     pixels = np.random.default_rng(2).random((8, 16, 3)).astype(np.float16).astype(np.float32)
-    found = load_latlong(save(tmp_path / "l.exr", pixels, "half"))
+    found = load_latlong(save(tmp_path / "l.exr", pixels, "half"), "automatic", "auto", COLOR)
     np.testing.assert_array_equal(found, pixels)
 
 
@@ -196,7 +199,7 @@ def test_ball_formats_put_plus_z_in_the_middle_and_plus_x_on_the_right(tmp_path:
     s = np.sin(angle) / np.maximum(r, 1e-9)
     direction = np.stack([s * u, s * v, np.cos(angle)], -1) * (r <= 1)[..., None]
     path = save(tmp_path / "b.exr", direction.astype(np.float32), "float")
-    found = load_latlong(path, format)
+    found = load_latlong(path, format, "auto", COLOR)
     expected = latlong_directions(*found.shape[:2]).reshape(found.shape)
     ahead = expected[..., 2] > -0.9  # the picture's rim holds everything behind
     assert np.abs(found - expected)[ahead].max() < 0.05
@@ -206,7 +209,7 @@ def test_vertical_cross_faces_join_without_a_step(tmp_path: Path) -> None:
     cross = np.full((4, 3), -1)
     cross[0, 1], cross[1], cross[2, 1], cross[3, 1] = 0, (1, 2, 3), 4, 5
     path = save(tmp_path / "x.exr", np.repeat(np.kron(cross, np.ones((8, 8)))[..., None], 3, 2), "float")
-    found = load_latlong(path, "cubeMapVerticalCross")[..., 0]
+    found = load_latlong(path, "cubeMapVerticalCross", "auto", COLOR)[..., 0]
     d = latlong_directions(*found.shape)
     face = {(1, 1): 0, (0, -1): 1, (2, 1): 2, (0, 1): 3, (1, -1): 4, (2, -1): 5}
     axis = np.abs(d).argmax(1)
@@ -217,14 +220,14 @@ def test_vertical_cross_faces_join_without_a_step(tmp_path: Path) -> None:
 
 def test_a_missing_environment_is_an_error(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"none\.hdr"):
-        load_latlong(str(tmp_path / "none.hdr"))
+        load_latlong(str(tmp_path / "none.hdr"), "automatic", "auto", COLOR)
 
 
 # ---- writing -------------------------------------------------------------------------------------
 def test_exr_keeps_linear_values_and_names_its_space(tmp_path: Path) -> None:
     pixels = np.random.default_rng(3).random((5, 7, 3)).astype(np.float32) * 50
     path = write_image(tmp_path / "o.exr", pixels, half=False, metadata={"usdslf:frame": 7.0})
-    assert read_image(path)[..., :3] == pytest.approx(pixels, rel=1e-3)
+    assert read_image(path, "auto", COLOR)[..., :3] == pytest.approx(pixels, rel=1e-3)
     spec = oiio.ImageInput.open(str(path)).spec()
     assert spec.get_string_attribute("colorInteropID") == "lin_rec709_scene"
     assert spec.getattribute("usdslf:frame") == 7.0
@@ -233,7 +236,7 @@ def test_exr_keeps_linear_values_and_names_its_space(tmp_path: Path) -> None:
 def test_png_keeps_codes(tmp_path: Path) -> None:
     codes = np.arange(60).reshape(4, 5, 3)
     path = write_image(tmp_path / "o.png", codes / 255)
-    found = read_image(path, "raw")[..., :3]
+    found = read_image(path, "raw", COLOR)[..., :3]
     np.testing.assert_array_equal(np.round(found * 255), codes)
 
 

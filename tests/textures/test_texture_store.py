@@ -17,7 +17,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux, UsdShade
 
-from usdslf.color import Color
+from usdslf.color import USD_DEFAULT_SPACE, Color
 from usdslf.scene.records import Texture
 from usdslf.textures import images
 from usdslf.textures import store as texture_store
@@ -27,6 +27,7 @@ from usdslf.textures.store import PagedTexels, load_image
 
 WIDTH, HEIGHT = 203, 131  # no multiple of a tile
 TEXTURES, UDIMS, SIDE = 46, (1001, 1002, 1011, 1012), 4096
+COLOR = Color(None, USD_DEFAULT_SPACE)
 LIMIT = 4 * (1 << 20)  # [KiB]
 
 
@@ -68,7 +69,7 @@ def test_tiles_hold_the_texels_of_the_file(
 ) -> None:
     pixels = noise(channels, format == "uint8")
     path = save(tmp_path / f"t.{suffix}", pixels, format, tile)
-    image = load_image(path, space, Color())
+    image = load_image(path, space, Color(None, USD_DEFAULT_SPACE))
     assert isinstance(image, PagedTexels)
     assert image.shape == (HEIGHT, WIDTH, channels)
     y, x = np.random.default_rng(1).permutation(np.indices((HEIGHT, WIDTH)).reshape(2, -1), axis=1)
@@ -84,7 +85,7 @@ def test_tiles_hold_the_texels_of_the_file(
         c = expected[:, :3]
         expected[:, :3] = np.where(c <= 0.04045, c / 12.92, ((c + 0.055) / 1.055) ** 2.4)
     if space == "lin_ap1_scene":
-        expected[:, :3] = Color().to_working(expected[:, :3], space)
+        expected[:, :3] = Color(None, USD_DEFAULT_SPACE).to_working(expected[:, :3], space)
         if channels < 3:
             expected[:, 1:3] = expected[:, :1]
     assert_allclose(found, expected, atol=1e-3 if format == "half" else 2e-5)
@@ -100,7 +101,7 @@ def test_look_ups_across_tiles_are_those_of_a_whole_image(
     for size in (0, 1 << 30):
         monkeypatch.setattr(texture_store, "SMALL", size)
         path = save(tmp_path / f"{size}.png", noise(4, True), "uint8")
-        found.append(sample_texture(Texture("/t", path, wrap_s=wrap, wrap_t=wrap), st))
+        found.append(sample_texture(Texture("/t", path, wrap_s=wrap, wrap_t=wrap), st, COLOR))
     assert_array_equal(*found)
 
 
@@ -114,7 +115,7 @@ def test_a_data_window_that_begins_elsewhere(tmp_path: Path) -> None:
         assert out.open(str(tmp_path / f"{tile}.exr"), spec)
         assert out.write_image(pixels)
         out.close()
-        image = load_image(str(tmp_path / f"{tile}.exr"), "raw", Color())
+        image = load_image(str(tmp_path / f"{tile}.exr"), "raw", Color(None, USD_DEFAULT_SPACE))
         assert_array_equal(image.rows(0, HEIGHT)[..., :3], pixels)
 
 
@@ -125,7 +126,7 @@ def test_threads_get_the_same_and_load_once(tmp_path: Path, monkeypatch: pytest.
     monkeypatch.setattr(texture_store, "_load", lambda *a: loads.append(a) or load(*a))
     st = np.random.default_rng(3).random((2000, 2))
     with ThreadPoolExecutor(8) as pool:
-        results = list(pool.map(lambda _: sample_texture(Texture("/t", path), st), range(24)))
+        results = list(pool.map(lambda _: sample_texture(Texture("/t", path), st, COLOR), range(24)))
     assert len(loads) == 1
     for result in results:
         assert_array_equal(result, results[0])
@@ -139,7 +140,7 @@ def test_a_changed_file_is_read_again_and_its_copy_goes(tmp_path: Path) -> None:
         for value in (10, 200):
             save(path, np.full((HEIGHT, WIDTH, 3), value, np.uint8), "uint8", tile)
             os.utime(path, ns=(0, value))
-            found = sample_texture(Texture("/t", str(path), color_space="raw"), [[0.5, 0.5]])[0, 0]
+            found = sample_texture(Texture("/t", str(path), color_space="raw"), [[0.5, 0.5]], COLOR)[0, 0]
             assert found == pytest.approx(value / 255)
             seen |= set(Path(folder()).glob("texture_*"))
         assert sum(p.exists() for p in seen) <= len(seen) - (tile == 0)
@@ -153,9 +154,9 @@ def test_a_truncated_file_says_why_once_and_has_its_fallback(tmp_path: Path, suf
     save(path, noise(3, integer), "uint8" if integer else "float", tile)
     path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
     texture = Texture("/t", str(path), fallback=(0.5, 0, 0, 1))
-    assert len(images.unreadable(texture)) == 1
-    assert_allclose(sample_texture(texture, np.random.default_rng(4).random((99, 2))), [(0.5, 0, 0, 1)] * 99)
-    assert len(images.unreadable(texture)) == 1
+    assert len(images.unreadable(texture, COLOR)) == 1
+    assert_allclose(sample_texture(texture, np.random.default_rng(4).random((99, 2)), COLOR), [(0.5, 0, 0, 1)] * 99)
+    assert len(images.unreadable(texture, COLOR)) == 1
 
 
 @pytest.mark.usefixtures("everything_is_large")
@@ -169,10 +170,10 @@ def test_a_damaged_tile_in_the_middle_is_said_when_it_is_met(
     data[middle - 9000 : middle + 9000] = b"\xff" * 18000
     path.write_bytes(bytes(data))
     texture = Texture("/t", str(path), fallback=(0.5, 0, 0, 1), color_space="raw")
-    assert images.unreadable(texture) == []
+    assert images.unreadable(texture, COLOR) == []
     st = np.random.default_rng(5).random((500, 2))
     for _ in range(3):
-        assert_allclose(sample_texture(texture, st), [(0.5, 0, 0, 1)] * 500)
+        assert_allclose(sample_texture(texture, st, COLOR), [(0.5, 0, 0, 1)] * 500)
     assert sum("is damaged" in r.getMessage() for r in caplog.records) == 1
 
 
@@ -183,7 +184,7 @@ def test_without_room_for_a_copy_the_file_itself_is_read(
     pixels = noise(3, True)
     path = save(tmp_path / "t.png", pixels, "uint8")
     monkeypatch.setattr(texture_store, "write_tiled_copy", lambda image, channels: ("", 0))
-    found = load_image(path, "raw", Color()).rows(0, HEIGHT)[..., :3]
+    found = load_image(path, "raw", Color(None, USD_DEFAULT_SPACE)).rows(0, HEIGHT)[..., :3]
     assert_array_equal(np.rint(found * 255).astype(np.uint8), pixels)
     assert "no room" in caplog.text
 
@@ -192,11 +193,11 @@ def test_small_images_are_kept_up_to_a_limit(tmp_path: Path, monkeypatch: pytest
     kept = texture_store._Kept(3 * HEIGHT * WIDTH * 3)
     monkeypatch.setattr(texture_store, "_small", kept)
     paths = [save(tmp_path / f"{i}.png", noise(3, True) // (i + 1), "uint8") for i in range(6)]
-    first = [load_image(p, "raw", Color()).rows(0, 1) for p in paths]
+    first = [load_image(p, "raw", Color(None, USD_DEFAULT_SPACE)).rows(0, 1) for p in paths]
     assert kept.total <= kept.limit
     assert len(kept.images) == 3
     for path, rows in zip(paths, first, strict=True):
-        assert_array_equal(load_image(path, "raw", Color()).rows(0, 1), rows)
+        assert_array_equal(load_image(path, "raw", Color(None, USD_DEFAULT_SPACE)).rows(0, 1), rows)
     assert kept.total <= kept.limit
 
 

@@ -9,7 +9,7 @@ import pytest
 from pxr import Usd, UsdGeom, UsdShade
 
 import usdslf
-from usdslf.color import color_of
+from usdslf.color import USD_DEFAULT_SPACE, color_of
 from usdslf.usd.binding import bound_material, bound_relationship, named_material
 from usdslf.usd.notes import Notes
 from usdslf.usd.read.materials import MaterialTable
@@ -37,7 +37,7 @@ def test_reader_and_author_see_the_same_material(has: tuple[bool | None, ...]) -
     stage = _card(surfaces)
     prim = stage.GetPrimAtPath("/card")
     path, relationship = bound_relationship(prim)
-    table = MaterialTable(Usd.TimeCode.Default(), color_of(), Notes())
+    table = MaterialTable(Usd.TimeCode.Default(), color_of(None, USD_DEFAULT_SPACE), Notes())
     index = table(prim)
     assert table.materials[index].path == str(path)
     assert named_material(prim) == path

@@ -85,9 +85,9 @@ def _chooser(name: str | None) -> str:
 
 def _color(ocio: str | None, failed: list[UsdslfError]) -> Iterator[Row]:
     try:
-        from usdslf.color import Color
+        from usdslf.color import USD_DEFAULT_SPACE, Color
 
-        yield "colour", "OpenColorIO config", Color(ocio).config_name
+        yield "colour", "OpenColorIO config", Color(ocio, USD_DEFAULT_SPACE).config_name
     except UsdslfError as error:
         yield "colour", "OpenColorIO config", f"none: {error}"
         failed.append(error)

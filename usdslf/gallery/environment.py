@@ -5,6 +5,7 @@ from __future__ import annotations
 import shutil
 from pathlib import Path
 
+from usdslf.color import USD_DEFAULT_SPACE, color_of
 from usdslf.errors import InputError
 from usdslf.procedural.textures import windows
 from usdslf.textures.images import read_image, write_image
@@ -21,7 +22,7 @@ def put_environment(folder: Path, hdri: str | None) -> str:
     source = Path(hdri)
     if not source.is_file():
         raise InputError(f"--hdri {hdri} is not there; give a latlong picture (.hdr or .exr)")
-    read_image(source)
+    read_image(source, "raw", color_of(None, USD_DEFAULT_SPACE))  # whether it can be: its colours are for the shot
     if source.resolve() != (folder / source.name).resolve():
         shutil.copyfile(source, folder / source.name)
     return source.name

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdslf.scene.records import F32, F64, Light
+from usdslf.textures.images import load_light_texture
 
 TABLE_ROWS = 512  # of the pixels that directions are drawn by
 FILTER_TEXELS = 0.8  # side of the solid angle asked for, in texels of the filtered map: see `Dome.radiance`
@@ -51,11 +52,7 @@ class Dome:
         Raises:
             InputError: the texture cannot be read.
         """
-        if not light.texture:
-            return cls(light)
-        from usdslf.textures.images import load_latlong
-
-        return cls(light, load_latlong(light.texture, light.texture_format, light.texture_color_space))
+        return cls(light, load_light_texture(light.texture) if light.texture else None)
 
     # ── radiance ─────────────────────────────────────────────────────────────────────────────────
 

@@ -27,8 +27,11 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from usdslf.color import Color, color_of
 from usdslf.lights import shapes
-from usdslf.scene.records import F32, F64, Light
+from usdslf.scene.records import F32, F64, Light, LightTexture
+from usdslf.textures.files import stamp_of
+from usdslf.textures.images import load_latlong
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -227,7 +230,7 @@ def _emission(light: Light, frame: _Frame, p: F64, w: F64, distance: F64, direct
     """Radiance (3, n) that leaves the light against world directions (3, n), without visibility."""
     out = _shaped(light, direction, axis)
     if light.kind == "rect" and light.texture:
-        pixels = load_rect_texture(light.texture, light.texture_color_space)
+        pixels = _rect_pixels(light.texture)
         q = p[:2] + np.where(np.isfinite(distance), distance, 0) * w[:2]
         out = out * _read_picture(pixels, 0.5 - q[0] / frame.size[0], 0.5 - q[1] / frame.size[1])
     return out
@@ -255,12 +258,14 @@ def _shaped(light: Light, direction: F64, axis: F64) -> F64:
     return out
 
 
-@lru_cache(maxsize=8)
-def load_rect_texture(path: str, color_space: str) -> F32:
-    """Loads the texture of a rect light (H, W, 3)."""
-    from usdslf.textures.images import load_latlong
+def _rect_pixels(texture: LightTexture) -> F32:
+    """The picture (H, W, 3) of a rect light, read again when its file or its OpenColorIO config has changed."""
+    return _read_rect(texture, stamp_of(texture.path), color_of(texture.ocio, texture.working_space))
 
-    return load_latlong(path, "latlong", color_space)
+
+@lru_cache(maxsize=8)
+def _read_rect(texture: LightTexture, stamp: tuple[int, int], color: Color) -> F32:
+    return load_latlong(texture.path, "latlong", texture.color_space, color)
 
 
 def _read_picture(pixels: F32, s: F64, t: F64) -> F64:

@@ -115,6 +115,17 @@ class Mesh:
 
 
 @dataclass(frozen=True)
+class LightTexture:
+    """The picture of a dome or rect light, and the colours that its pixels become: all of it has to be told."""
+
+    path: str  # resolved file
+    format: str  # of a dome: automatic | latlong | mirroredBall | angular | cubeMapVerticalCross
+    color_space: str  # auto | raw | sRGB | a name that OpenColorIO knows
+    ocio: str  # OpenColorIO config as asked for; "" is $OCIO, else the built-in one
+    working_space: str  # of the scene that the light is in
+
+
+@dataclass(frozen=True)
 class Light:
     """A UsdLux light.  Rect, disk and distant lights shine along -Z of `world_from_light`."""
 
@@ -130,9 +141,7 @@ class Light:
     treat_as_point: bool = False
     diffuse: float = 1.0  # factor on what diffuse reflection receives
     specular: float = 1.0
-    texture: str = ""  # dome and rect: resolved file
-    texture_format: str = "automatic"
-    texture_color_space: str = "auto"
+    texture: LightTexture | None = None  # of a dome or rect light; multiplies `radiance`
     cone_angle: float = 90.0  # shaping, half angle [deg] as authored; 90 and above: none
     cone_softness: float = 0.0
     focus: float = 0.0

@@ -26,12 +26,13 @@ _RAW_PIXELS = {"oiio:UnassociatedAlpha": 1}  # rgb as stored, not multiplied by 
 _BAND = 4 * TILE  # rows
 
 
-def stamp_of(path: str) -> int:
-    """Time of last change, so that a changed file is read again."""
+def stamp_of(path: str) -> tuple[int, int]:
+    """Time of last change and size, so that a changed file is read again; zeros where there is none."""
     try:
-        return os.stat(path.partition("[")[0] if path.endswith("]") else path).st_mtime_ns
+        status = os.stat(path.partition("[")[0] if path.endswith("]") else path)
     except OSError:
-        return 0
+        return 0, 0
+    return status.st_mtime_ns, status.st_size
 
 
 def file_of(path: str) -> str:
@@ -162,7 +163,7 @@ def _remove_folder() -> None:
 
 
 @lru_cache(maxsize=256)
-def _unpacked(package: str, inner: str, stamp: int) -> str:
+def _unpacked(package: str, inner: str, stamp: tuple[int, int]) -> str:
     """Returns a file that holds what lies inside a .usdz package."""
     try:
         with zipfile.ZipFile(package) as archive:

@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from usdslf.color import USD_DEFAULT_SPACE, Color, color_of
 from usdslf.errors import InputError
 from usdslf.replacing import replacing
-from usdslf.scene.records import F32, Texture
+from usdslf.scene.records import F32, LightTexture, Texture
 from usdslf.textures.files import open_image
 from usdslf.textures.store import Image, load_image, read_whole, say_damaged
 from usdslf.textures.texels import EDGE, WRAPS, Texels, bilinear, four_channels, st_of_format
@@ -59,13 +59,13 @@ def files_of(texture: Texture) -> list[str]:
     return [path for _, path in _files(texture)]
 
 
-def unreadable(texture: Texture, color: Color | None = None) -> list[tuple[str, str]]:
+def unreadable(texture: Texture, color: Color) -> list[tuple[str, str]]:
     """Returns the files of a texture that cannot be read, pixels included, each with the reason.
 
     What can be read is made ready for look-ups.  Of a large tiled file only the ends are read: a damaged
     tile between them is found when it is looked up, said then, and has the fallback too.
     """
-    color, found = color or color_of(), []
+    found = []
     for _, path in _files(texture):
         try:
             load_image(path, texture.color_space, color)
@@ -74,9 +74,8 @@ def unreadable(texture: Texture, color: Color | None = None) -> list[tuple[str, 
     return found
 
 
-def load_texture(texture: Texture, color: Color | None = None) -> dict[int, Image]:
+def load_texture(texture: Texture, color: Color) -> dict[int, Image]:
     """Returns the readable images of a texture by UDIM tile; a plain texture is {0: texels}."""
-    color = color or color_of()
     found = {}
     for tile, path in _files(texture):
         try:
@@ -86,13 +85,13 @@ def load_texture(texture: Texture, color: Color | None = None) -> dict[int, Imag
     return found
 
 
-def sample_texture(texture: Texture, st: ArrayLike, color: Color | None = None) -> F32:
+def sample_texture(texture: Texture, st: ArrayLike, color: Color) -> F32:
     """Returns texel * scale + bias (n, 4) in the working space at st (n, 2), bilinear.
 
     Wrap mode black is decided by the coordinate, without a rim of half a texel inside the picture, as
     path tracers do.  The fallback stands for an unreadable file, a missing tile and st that is nan.
     """
-    st, color = np.asarray(st, np.float64).reshape(-1, 2), color or color_of()
+    st = np.asarray(st, np.float64).reshape(-1, 2)
     out = np.tile(np.asarray(texture.fallback, np.float32), (len(st), 1))
     finite: NDArray[np.bool_] = np.asarray(np.isfinite(st).all(1))
     files = dict(_files(texture))
@@ -140,9 +139,9 @@ def _sample_file(
 
 def load_latlong(
     path: str,
-    format: str = "automatic",
-    color_space: str = "auto",
-    color: Color | None = None,
+    format: str,
+    color_space: str,
+    color: Color,
 ) -> F32:
     """Returns an environment map as latlong pixels (H, W, 3) in the working space.
 
@@ -152,7 +151,6 @@ def load_latlong(
     Raises:
         InputError: the file cannot be read.
     """
-    color = color or color_of()
     try:
         values = read_whole(path, color_space, color)
     except OSError as e:
@@ -166,6 +164,16 @@ def load_latlong(
     return out.reshape(rows, 2 * rows, 3).astype(np.float32)
 
 
+def load_light_texture(texture: LightTexture) -> F32:
+    """Returns the pixels (H, W, 3) of a light's picture in the working space of its scene, row 0 on top.
+
+    Raises:
+        InputError: the file cannot be read, or the config cannot be used.
+    """
+    color = color_of(texture.ocio, texture.working_space)
+    return load_latlong(texture.path, texture.format, texture.color_space, color)
+
+
 def latlong_directions(height: int, width: int) -> NDArray[np.float64]:
     """Returns the direction (height * width, 3) through the middle of each latlong pixel."""
     latitude = np.pi * (0.5 - (np.arange(height) + 0.5) / height)[:, None]
@@ -175,14 +183,14 @@ def latlong_directions(height: int, width: int) -> NDArray[np.float64]:
     return np.stack([x, y, np.cos(latitude) * np.cos(longitude)], -1).reshape(-1, 3)
 
 
-def read_image(path: str | Path, color_space: str = "auto", color: Color | None = None) -> F32:
+def read_image(path: str | Path, color_space: str, color: Color) -> F32:
     """Returns the pixels (H, W, 4) of an image in the working space, row 0 on top.
 
     Raises:
         InputError: the file cannot be read, or the colour space is unknown.
     """
     try:
-        values = read_whole(str(path), color_space, color or color_of())
+        values = read_whole(str(path), color_space, color)
     except OSError as e:
         raise InputError(f"image {path} cannot be read, check the file: {e}") from None
     return four_channels(values.reshape(-1, values.shape[2])).reshape(*values.shape[:2], 4)

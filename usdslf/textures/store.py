@@ -133,10 +133,10 @@ class _Kept:
     """Images by key, the ones used last, `limit` bytes of them at most; one at least."""
 
     limit: int
-    images: OrderedDict[tuple, tuple[int, Image, int]] = field(default_factory=OrderedDict)
+    images: OrderedDict[tuple, tuple[tuple[int, int], Image, int]] = field(default_factory=OrderedDict)
     total: int = 0
 
-    def find(self, key: tuple, stamp: int) -> Image | None:
+    def find(self, key: tuple, stamp: tuple[int, int]) -> Image | None:
         """Returns an image that is kept, None where there is none or its file has changed."""
         entry = self.images.get(key)
         if entry is None:
@@ -147,7 +147,7 @@ class _Kept:
         self.images.move_to_end(key)
         return entry[1]
 
-    def keep(self, key: tuple, stamp: int, image: Image, size: int) -> None:
+    def keep(self, key: tuple, stamp: tuple[int, int], image: Image, size: int) -> None:
         if key in self.images:
             self.total -= self.images.pop(key)[2]
         self.images[key] = (stamp, image, size)
@@ -158,7 +158,7 @@ class _Kept:
 
 _lock = threading.Lock()
 _loading: dict[tuple, threading.Lock] = {}
-_failed: dict[tuple, tuple[int, str]] = {}
+_failed: dict[tuple, tuple[tuple[int, int], str]] = {}
 _small = _Kept(int(memory_mb() * (1 << 18)))
 _large = _Kept(_DISK)
 
@@ -180,7 +180,7 @@ def load_image(path: str, color_space: str, color: Color) -> Image:
             raise OSError(image._troubles[0])
         if image is not None:
             return image
-        if stamp and failed and failed[0] == stamp:
+        if any(stamp) and failed and failed[0] == stamp:
             raise OSError(failed[1])
         try:
             image = _load(path, color_space, color)

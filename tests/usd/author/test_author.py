@@ -33,7 +33,7 @@ from kit.look_stages import (
 from numpy.testing import assert_allclose
 from pxr import Gf, Kind, Sdf, Usd, UsdGeom, UsdShade, Vt
 
-from usdslf.color import Color
+from usdslf.color import USD_DEFAULT_SPACE, Color
 from usdslf.edits.edits import MaterialChange, Reflectance
 from usdslf.errors import AuthorError
 from usdslf.scene.records import PrimvarInput, Texture
@@ -691,7 +691,7 @@ def test_real_stages_take_three_kinds_of_change(assets: Path, tmp_path: Path, na
     stage = Usd.Stage.OpenMasked(str(assets / name), mask)
     blamed = set(validate(stage))
     painted = find_gprim(stage, prim)
-    table = MaterialTable(Usd.TimeCode.Default(), Color(), Notes())
+    table = MaterialTable(Usd.TimeCode.Default(), Color(None, USD_DEFAULT_SPACE), Notes())
     material = table.materials[table(stage.GetPrimAtPath(painted))]
     others = {str(p.GetPath()) for p in users_of(stage, Sdf.Path(material.path))}
     others = sorted(o for o in others if not o.startswith(painted))[:3]

@@ -100,7 +100,7 @@ def test_the_change_shows_where_it_was_painted(
     inside = (x > 0.2) & (x < 3.8)
     same = [getattr(s, SHOWN[name])[inside] for s in (old, after["/World/other"][1])]
     assert_allclose(same[1], same[0], atol=1e-6)
-    assert validate(review) == []
+    assert validate(review, None) == []
 
 
 def test_what_is_authored_is_all_that_is_needed(tmp_path: Path) -> None:

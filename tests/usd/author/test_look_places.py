@@ -77,7 +77,7 @@ def assert_changes(stage: Usd.Stage, folder: Path, expected: set[str], change: M
     for edit in edits:
         assert set(edit.affects) == expected
     assert set(validate(review)) <= set(validate(stage))
-    assert find_wrong(review) == []
+    assert find_wrong(review, None) == []
     assert validate(Usd.Stage.Open(str(folder / "look.usda"))) == []
 
 
@@ -264,7 +264,7 @@ def test_a_binding_of_a_variant_is_replaced_in_this_variant_only(tmp_path: Path)
         each.SetEditTarget(each.GetSessionLayer())
         choose(each, "two")
     assert changed(stage, review) == set()
-    assert find_wrong(review) == []
+    assert find_wrong(review, None) == []
 
 
 def test_an_edit_in_a_variant_goes_when_it_is_solved_again(tmp_path: Path) -> None:
@@ -484,7 +484,7 @@ def test_what_hides_an_edit_is_named_with_what_mends_it(tmp_path: Path, how: Any
     how(stage, top, look)
     what, mend = why_hidden(stage, look, Sdf.Path(ATTRIBUTE), Sdf.Path(ATTRIBUTE))
     assert HIDING[how][0] in what and HIDING[how][1] in mend
-    assert next(f.name for f in find_wrong(stage) if f.name != "StaleLook") in ("HiddenEdit", "DanglingOver")
+    assert next(f.name for f in find_wrong(stage, None) if f.name != "StaleLook") in ("HiddenEdit", "DanglingOver")
 
 
 def test_another_variant_hides_what_only_one_has(tmp_path: Path) -> None:

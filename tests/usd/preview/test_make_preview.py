@@ -87,7 +87,7 @@ def test_a_surface_without_preview_is_solved_and_the_look_shows_it(tmp_path: Pat
     assert not of_mesh["/World/floor"].why_not_editable
     assert_allclose(of_mesh["/World/twin1"].diffuse_color, (0.1,) * 3, atol=1e-6)
     assert of_mesh["/World/twin1"].why_not_editable  # nothing was made for what was not painted
-    assert find_wrong(review) == [] and validate(Usd.Stage.Open(str(tmp_path / "look.usda"))) == []
+    assert find_wrong(review, None) == [] and validate(Usd.Stage.Open(str(tmp_path / "look.usda"))) == []
     full = UsdShade.MaterialBindingAPI(review.GetPrimAtPath("/World/floor")).ComputeBoundMaterial("full")[0]
     assert (str(full.GetPath()) == "/World/mtl/final") == bool(context)
     said = " ".join(session.warnings)
@@ -193,7 +193,7 @@ def test_an_image_of_materialx_is_edited_and_its_file_named_from_the_look(tmp_pa
     edits = session.report()["edits"]
     assert edits and all(e["wins"] and e["prim"].endswith("preview_floor/diffuseColor_texture") for e in edits)
     review = Usd.Stage.Open(str(tmp_path / "review.usda"))
-    assert find_wrong(review) == []  # a path from the root would be named
+    assert find_wrong(review, None) == []  # a path from the root would be named
     scene = read_scene(review)
     of_mesh = {m.path: scene.materials[m.material_of_triangle[0]] for m in scene.meshes}
     texture = of_mesh["/World/floor"].diffuse_color

@@ -253,7 +253,7 @@ def test_a_materialx_image_times_base_in_its_colour_space(tmp_path: Path, image:
     )
     check(foreign, twin)
     # The look itself is valid, also where it stands alone.
-    made = make_preview(foreign.stage)
+    made = make_preview(foreign.stage, None)
     made.layer.Export(str(tmp_path / "made.usda"))
     assert stock(Usd.Stage.Open(str(tmp_path / "made.usda"))) == []
 
@@ -493,7 +493,7 @@ def test_walls_of_a_real_stage_look_as_their_authors_preview_materials(name: str
     for shader in shaders(theirs, "UsdUVTexture"):
         for axis in "ST":
             shader.CreateInput(f"wrap{axis}", N.Token).Set("repeat")
-    made = make_preview(ours)
+    made = make_preview(ours, None)
     a, b = (read_scene(stage, refine=0) for stage in (compose_over(ours, made.layer), theirs))
     rng = np.random.default_rng(2)
     for gprim in ("back", "front", "left", "right", "top"):
@@ -511,7 +511,7 @@ def test_a_teapot_of_materialx_has_the_defaults_of_its_definition(assets: Path) 
     stage = opened(assets / "teapots_instanced_usdwg/assets/teapot/teapot.usd")
     for shader in shaders(stage, "UsdPreviewSurface"):
         shader.GetIdAttr().Set("gone")
-    (material,) = read_scene(compose_over(stage, make_preview(stage).layer), refine=0).materials
+    (material,) = read_scene(compose_over(stage, make_preview(stage, None).layer), refine=0).materials
     assert_allclose(material.diffuse_color, 0.8)
     assert_allclose((material.roughness, material.ior, material.metallic), ([0.2], [1.5], [0.0]))
 
@@ -520,7 +520,7 @@ def test_files_of_the_look_are_named_from_where_it_lies(tmp_path: Path, image: S
     foreign = Nodes(tmp_path / "foreign.usda")
     foreign.surface(STANDARD, base_color=foreign.node("color", "ND_image_color3", file=image))
     (tmp_path / "looks").mkdir()
-    made = make_preview(foreign.stage)
+    made = make_preview(foreign.stage, None)
     look = LookLayer(foreign.stage)
     write_made(look, made.made, {m.material for m in made.made}, folder=tmp_path / "looks")
     file = look.layer.GetAttributeAtPath("/World/SlfMaterials/preview_quad/diffuseColor_texture.inputs:file")

@@ -55,7 +55,7 @@ def test_display_colours_of_every_kind_are_reproduced(tmp_path: Path) -> None:
     )
     twin.CreateDisplayOpacityPrimvar("constant").Set(Vt.FloatArray([0.5]))
     stage.GetRootLayer().Save()
-    made = make_preview(stage)
+    made = make_preview(stage, None)
     assert made.warnings == () and len(made.material_of) == 6
     # One for each constant look, and one that all readers of displayColor share.
     assert len(set(made.material_of.values())) == 3
@@ -78,7 +78,7 @@ def test_other_contexts_keep_their_material_for_final_renders(tmp_path: Path) ->
     final.CreateSurfaceOutput("ri").ConnectToSource(node.CreateOutput("surface", F.Token))
     bind(mesh.GetPrim(), final)
     stage.GetRootLayer().Save()
-    made = make_preview(stage)
+    made = make_preview(stage, None)
     assert any("/World/row" in w and "ri" in w for w in made.warnings), made.warnings
     after = over(stage, made)
     assert_same_look(stage, after)
@@ -99,7 +99,7 @@ def test_instances_get_materials_each_their_own(tmp_path: Path) -> None:
             [Gf.Vec3f(0.2 * i, 0.4, 0.6)]
         )
     stage.GetRootLayer().Save()
-    made = make_preview(stage)
+    made = make_preview(stage, None)
     after = over(stage, made)
     assert_same_look(stage, after)
     assert len(set(made.material_of.values())) == 2
@@ -121,7 +121,7 @@ def test_subsets_and_materials_of_other_contexts_each_get_their_own(tmp_path: Pa
     bind(api.CreateMaterialBindSubset("part", Vt.IntArray([1])).GetPrim(), final[1])
     api.SetMaterialBindSubsetsFamilyType(UsdGeom.Tokens.nonOverlapping)
     stage.GetRootLayer().Save()
-    made = make_preview(stage)
+    made = make_preview(stage, None)
     assert set(made.material_of) == {"/World/row", "/World/row/part"}
     assert len(set(made.material_of.values())) == 2  # the same look, but another surface in final renders
     assert_same_look(stage, over(stage, made))
@@ -131,7 +131,7 @@ def test_subsets_and_materials_of_other_contexts_each_get_their_own(tmp_path: Pa
 @pytest.mark.parametrize("name", ["cornell_box/cornell-box_displayColor.usda"])
 def test_real_stages_show_what_they_showed(assets: Path, name: str) -> None:
     stage = Usd.Stage.Open(str(assets / name))
-    made = make_preview(stage)
+    made = make_preview(stage, None)
     assert len(made.material_of) == len(without_preview(stage)) > 5
     after = over(stage, made)
     assert_same_look(stage, after)

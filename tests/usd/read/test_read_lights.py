@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from pxr import Usd
 
-from usdslf.color import color_of
-from usdslf.scene.records import Camera, Light
+from usdslf.color import USD_DEFAULT_SPACE, color_of
+from usdslf.scene.records import Camera, Light, LightTexture
 from usdslf.textures.images import write_image
 from usdslf.usd.notes import Notes
 from usdslf.usd.read.cameras import read_cameras
@@ -25,7 +25,8 @@ def stage_of(text: str, up: str = "Y") -> Usd.Stage:
 
 
 def lights(text: str, up: str = "Y", notes: Notes | None = None) -> list[Light]:
-    return read_lights(stage_of(text, up), Usd.TimeCode.EarliestTime(), color_of(), notes or Notes())
+    color = color_of(None, USD_DEFAULT_SPACE)
+    return read_lights(stage_of(text, up), Usd.TimeCode.EarliestTime(), color, notes or Notes())
 
 
 def light(text: str, up: str = "Y", notes: Notes | None = None) -> Light:
@@ -149,10 +150,10 @@ def test_domes_have_their_pole(
 def test_dome_textures_and_missing_ones(tmp_path: Path) -> None:
     path = write_image(tmp_path / "sky.exr", np.ones((4, 8, 3)))
     found = light(f'def DomeLight "l" {{ asset inputs:texture:file = @{path}@ }}')
-    assert (found.texture, found.texture_format) == (str(path), "automatic")
+    assert found.texture == LightTexture(str(path), "automatic", "auto", "", USD_DEFAULT_SPACE)
     notes = Notes()
     found = light('def DomeLight "l" { asset inputs:texture:file = @none.hdr@ }', notes=notes)
-    assert found.texture == ""
+    assert found.texture is None
     assert any("/l" in s and "none.hdr" in s for s in notes.sentences())
 
 

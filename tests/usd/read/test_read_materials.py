@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from pxr import Usd
 
-from usdslf.color import color_of
+from usdslf.color import USD_DEFAULT_SPACE, color_of
 from usdslf.scene.records import Material, PrimvarInput, Texture
 from usdslf.textures.images import write_image
 from usdslf.usd.notes import Notes
@@ -47,7 +47,7 @@ def read(
     stage: Usd.Stage, prim: str = "/ball", time: float | None = None, notes: Notes | None = None
 ) -> Material:
     code = Usd.TimeCode.EarliestTime() if time is None else Usd.TimeCode(time)
-    table = MaterialTable(code, color_of(), notes or Notes())
+    table = MaterialTable(code, color_of(None, USD_DEFAULT_SPACE), notes or Notes())
     return table.materials[table(stage.GetPrimAtPath(prim))]
 
 
@@ -304,7 +304,7 @@ def test_one_material_has_one_index_and_instances_have_their_own() -> None:
     text += '}\ndef "i" ( instanceable = true\n inherits = </proto> ) {}\n'
     text += 'def "j" ( instanceable = true\n inherits = </proto> ) {}\n'
     stage = stage_of(text)
-    table = MaterialTable(Usd.TimeCode.Default(), color_of(), Notes())
+    table = MaterialTable(Usd.TimeCode.Default(), color_of(None, USD_DEFAULT_SPACE), Notes())
     first = [table(stage.GetPrimAtPath(p)) for p in ("/i/ball", "/j/ball", "/i/ball")]
     assert first == [0, 1, 0]
     assert [m.path for m in table.materials] == ["/i/m", "/j/m"]
@@ -332,7 +332,7 @@ def test_equal_stand_ins_are_one() -> None:
         for n, v in (("a", 1), ("b", 1), ("c", 0.5), ("d", 1))
     )
     stage = stage_of(text)
-    table = MaterialTable(Usd.TimeCode.Default(), color_of(), Notes())
+    table = MaterialTable(Usd.TimeCode.Default(), color_of(None, USD_DEFAULT_SPACE), Notes())
     assert [table(stage.GetPrimAtPath(f"/{n}")) for n in "abcd"] == [0, 0, 1, 0]
 
 

@@ -184,7 +184,7 @@ def test_an_edit_over_clips_of_a_referenced_asset(
     assert edit.hidden_by == "a value clip" and "out of the clip" in edit.mend and not edit.affects
     assert any("a value clip" in w and edit.mend in w for w in session.warnings)
     assert [e["wins"] for e in session.report()["edits"] if e["hidden_by"] == "a value clip"] == [False]
-    assert any("a value clip" in str(f) for f in validate(review))
+    assert any("a value clip" in str(f) for f in validate(review, None))
 
 
 @pytest.mark.parametrize("is_last", [False, True])

@@ -52,7 +52,7 @@ def put(layer: Sdf.Layer, path: str, name: str, kind: Sdf.ValueTypeName, value: 
 
 
 def names(stage: Usd.Stage) -> list[str]:
-    return [f.name for f in validate(stage)]
+    return [f.name for f in validate(stage, None)]
 
 
 def all_kinds(stage: Usd.Stage) -> list:
@@ -67,12 +67,12 @@ def all_kinds(stage: Usd.Stage) -> list:
 
 # ---- nothing is found where nothing is wrong -----------------------------------------------------------
 def test_a_shot_and_a_fresh_look_have_no_findings(shot: Usd.Stage, tmp_path: Path) -> None:
-    assert validate(shot) == []
+    assert validate(shot, None) == []
     write_strokes(tmp_path / "strokes.usda", [on_row()], shot)
     author(shot, tmp_path, *all_kinds(shot), strokes_path=tmp_path / "strokes.usda")
     review = compose(tmp_path, strokes="strokes.usda")
-    assert validate(review) == []
-    assert validate(Usd.Stage.Open(str(tmp_path / "look.usda"))) == []  # over the shot that it names
+    assert validate(review, None) == []
+    assert validate(Usd.Stage.Open(str(tmp_path / "look.usda")), None) == []  # over the shot that it names
     assert lines_of_findings([]) == ["findings: 0"]
 
 
@@ -80,7 +80,7 @@ def test_looks_inside_instances_have_no_findings(tmp_path: Path) -> None:
     stage = instanced(tmp_path)
     change = change_of(stage, "/World/a/ball", "diffuse", GREEN)
     author(stage, tmp_path, change)
-    assert validate(compose(tmp_path)) == []
+    assert validate(compose(tmp_path), None) == []
 
 
 def test_looks_of_real_stages_have_no_findings(assets: Path, tmp_path: Path) -> None:
@@ -88,7 +88,7 @@ def test_looks_of_real_stages_have_no_findings(assets: Path, tmp_path: Path) -> 
     stage = Usd.Stage.Open(str(path))
     author_look(stage, [change_of(stage, "/cornell_box/left_wall/left_wall", "glossiness", roughness=0.2)],
                 tmp_path / "look.usda")  # fmt: skip
-    found = validate(Usd.Stage.Open(str(tmp_path / "look.usda")))
+    found = validate(Usd.Stage.Open(str(tmp_path / "look.usda")), None)
     # The assets may be in another place on this machine, which only a path from the root can say.
     assert {f.name for f in found} <= {"AbsolutePath"}
 
@@ -173,7 +173,7 @@ def test_what_is_wrong_with_a_look_is_found(shot: Usd.Stage, tmp_path: Path, spo
     spoil(shot.GetRootLayer(), look)
     look.Save()
     shot.GetRootLayer().Save()
-    found = [f for f in validate(compose(tmp_path)) if spoil is changed_shot or f.name != "StaleLook"]
+    found = [f for f in validate(compose(tmp_path), None) if spoil is changed_shot or f.name != "StaleLook"]
     name, prim = CASES[spoil]
     assert [(f.name, f.prim) for f in found] == [(name, prim)]
     assert "look.usda" in found[0].message
@@ -184,7 +184,7 @@ def test_a_stronger_value_is_found(shot: Usd.Stage, tmp_path: Path) -> None:
     review = compose(tmp_path)
     review.SetEditTarget(review.GetSessionLayer())
     UsdShade.Shader(review.GetPrimAtPath(RED)).GetInput("diffuseColor").Set(Gf.Vec3f(1, 1, 1))
-    (found,) = validate(review)
+    (found,) = validate(review, None)
     assert found.name == "HiddenEdit" and "session" in found.message
 
 
@@ -208,7 +208,7 @@ def test_an_over_below_an_instance_is_found(tmp_path: Path) -> None:
     look = look_of(tmp_path)
     put(look, "/World/b/mtl/red/pbr", "inputs:roughness", F.Float, 0.1)
     look.Save()
-    (found,) = validate(compose(tmp_path))
+    (found,) = validate(compose(tmp_path), None)
     assert (found.name, found.prim) == ("EditUnderInstance", "/World/b/mtl")
 
 
@@ -231,7 +231,7 @@ def test_changed_strokes_and_bad_ones_are_found(shot: Usd.Stage, tmp_path: Path)
     layer = Sdf.Layer.FindOrOpen(str(tmp_path / "strokes.usda"))
     layer.GetAttributeAtPath("/SlfStrokes/stroke_0001.slf:tool").default = "hammer"
     layer.Save()
-    found = validate(compose(tmp_path, strokes="strokes.usda"))
+    found = validate(compose(tmp_path, strokes="strokes.usda"), None)
     assert [f.name for f in found] == ["StaleLook", "BadStroke"]
     assert "hammer" in found[1].message and "strokes" in found[0].message
 
@@ -250,7 +250,7 @@ def test_the_framework_reports_the_findings(shot: Usd.Stage, tmp_path: Path) -> 
 
 
 def test_a_validator_that_fails_says_so(shot: Usd.Stage, monkeypatch: pytest.MonkeyPatch) -> None:
-    def broken(stage: Usd.Stage) -> list:
+    def broken(stage: Usd.Stage, ocio: str | None) -> list:
         raise ValueError("out of order")
 
     monkeypatch.setattr(validators, "validate", broken)

@@ -1,6 +1,6 @@
 """The UsdPreviewSurface that shows what a surface of another renderer shows, as near as it can.
 
-    look_of(stage, material, notes, shown) -> Look or None      None where no surface of it is known
+    look_of(stage, color, material, notes, shown) -> Look or None      None where no surface of it is known
 
 A surface is first read as layers that all models share: a diffuse colour, metalness, what is reflected head-on
 by the dielectric and by the metal, roughness, a coat, what it lets through and what it emits.  Then it is written in
@@ -34,7 +34,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from pxr import Sdf, Usd, UsdShade
 
-from usdslf.color import USD_DEFAULT_SPACE, color_of
+from usdslf.color import Color
 from usdslf.usd.notes import Notes
 from usdslf.usd.preview.coordinates import as_transform_2d, producer
 from usdslf.usd.preview.driven import (
@@ -83,12 +83,13 @@ class _Layers:
 
 
 def look_of(
-    stage: Usd.Stage, material: Sdf.Path, notes: Notes, shown: tuple[float, ...] = ()
+    stage: Usd.Stage, color: Color, material: Sdf.Path, notes: Notes, shown: tuple[float, ...] = ()
 ) -> Look | None:
     """Returns the look of a material of another renderer; None where it has no surface that the table knows.
 
     Args:
         stage: the shot.
+        color: its working space is that of what layers say, USD's default.
         material: path of a Material.
         notes: gets a sentence for each thing that is not shown as it is.
         shown: displayColor of the gprim, for a base colour that nothing simple drives.
@@ -99,7 +100,6 @@ def look_of(
     found = surface_of(UsdShade.Material(prim))
     if found is None:
         return None
-    color = color_of(None, USD_DEFAULT_SPACE)
     return _Translation(found, DrivenReader(Usd.TimeCode.EarliestTime(), color, notes), notes, shown).look()
 
 

@@ -1,7 +1,7 @@
 """UsdPreviewSurface materials for gprims that show none, so that they can be edited.
 
     without_preview(stage) -> list[Usd.Prim]                   gprims and GeomSubsets, instance proxies too
-    make_preview(stage, prims=None) -> PreviewMaterials        a layer to put over the shot
+    make_preview(stage, ocio, prims=None) -> PreviewMaterials        a layer to put over the shot
     write_made(look, made, materials) -> None                  those that a look layer edits, into it
 
 A new material shows what the material of another renderer (mtlx, ri, arnold) shows that the gprim is bound to, as
@@ -22,6 +22,7 @@ from typing import Any
 import numpy as np
 from pxr import Sdf, Usd, UsdGeom, UsdShade
 
+from usdslf.color import USD_DEFAULT_SPACE, Color, color_of
 from usdslf.usd.author.change_writer import SCOPE
 from usdslf.usd.binding import bound_material, gprims_of, named_material, parts_of, preview_surface
 from usdslf.usd.layer.look_layer import LookLayer
@@ -61,13 +62,20 @@ def without_preview(stage: Usd.Stage) -> list[Usd.Prim]:
     return [p for gprim in gprims_of(stage) for p in parts_of(gprim) if _bound(p) is None]
 
 
-def make_preview(stage: Usd.Stage, prims: Iterable[Usd.Prim] | None = None) -> PreviewMaterials:
-    """Makes and binds UsdPreviewSurface materials for gprims and GeomSubsets that have none."""
+def make_preview(
+    stage: Usd.Stage, ocio: str | None, prims: Iterable[Usd.Prim] | None = None
+) -> PreviewMaterials:
+    """Makes and binds UsdPreviewSurface materials for gprims and GeomSubsets that have none.
+
+    Args:
+        ocio: OpenColorIO config that knows the colour spaces of what they show; None: $OCIO, else the built-in one.
+        prims: to be given materials; None: all that have none.
+    """
     with quiet_usd():
-        return _make_preview(stage, prims)
+        return _make_preview(stage, color_of(ocio, USD_DEFAULT_SPACE), prims)
 
 
-def _make_preview(stage: Usd.Stage, prims: Iterable[Usd.Prim] | None) -> PreviewMaterials:
+def _make_preview(stage: Usd.Stage, color: Color, prims: Iterable[Usd.Prim] | None) -> PreviewMaterials:
     look, notes = LookLayer(stage), Notes()
     paths: dict[Any, Sdf.Path] = {}
     looks: dict[Any, Look | None] = {}
@@ -75,7 +83,7 @@ def _make_preview(stage: Usd.Stage, prims: Iterable[Usd.Prim] | None) -> Preview
     for prim in without_preview(stage) if prims is None else prims:
         gprim = prim.GetParent() if prim.IsA(UsdGeom.Subset) else prim
         bound = named_material(prim)
-        shows = _shown(stage, prim, gprim, bound, looks, notes)
+        shows = _shown(stage, color, prim, gprim, bound, looks, notes)
         key = (tuple(sorted(shows.items())), bound)
         if key not in paths:
             paths[key] = _free_path(look, gprim, set(paths.values()))
@@ -147,16 +155,17 @@ def _contexts(stage: Usd.Stage, material: Sdf.Path) -> str:
 
 
 def _shown(
-    stage: Usd.Stage, prim: Usd.Prim, gprim: Usd.Prim, bound: Sdf.Path, looks: dict[Any, Look | None], notes: Notes
-) -> Look:
+    stage: Usd.Stage, color: Color, prim: Usd.Prim, gprim: Usd.Prim, bound: Sdf.Path,
+    looks: dict[Any, Look | None], notes: Notes,
+) -> Look:  # fmt: skip
     """What a gprim shows: the look of the material that it is bound to, else its displayColor."""
     plain = _display(gprim)
     if bound.isEmpty:
         return plain
-    color = UsdGeom.PrimvarsAPI(gprim).FindPrimvarWithInheritance("displayColor")
-    shown = plain["diffuseColor"].number or () if color and color.HasValue() else ()
+    display = UsdGeom.PrimvarsAPI(gprim).FindPrimvarWithInheritance("displayColor")
+    shown = plain["diffuseColor"].number or () if display and display.HasValue() else ()
     if (bound, shown) not in looks:
-        looks[bound, shown] = look_of(stage, bound, notes, shown)
+        looks[bound, shown] = look_of(stage, color, bound, notes, shown)
     found = looks[bound, shown]
     if found is None and stage.GetPrimAtPath(bound):
         notes.add(f"{bound} ({_contexts(stage, bound)}) has no surface that can be shown: {{}} keeps its displayColor",

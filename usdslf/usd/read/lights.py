@@ -17,7 +17,7 @@ import numpy as np
 from pxr import Sdf, Usd, UsdGeom, UsdLux
 
 from usdslf.color import USD_DEFAULT_SPACE, Color
-from usdslf.scene.records import F64, Light
+from usdslf.scene.records import F64, Light, LightTexture
 from usdslf.textures import images
 from usdslf.usd.notes import Notes
 from usdslf.usd.read.materials import color_space_of
@@ -101,7 +101,6 @@ def _read_light(prim: Usd.Prim, world: F64, time: Usd.TimeCode, color: Color, no
         pole = get("poleAxis", "scene")
         if pole == "Z" or (pole == "scene" and UsdGeom.GetStageUpAxis(prim.GetStage()) == "Z"):
             world = world @ _Z_POLE
-    texture, texture_space = _texture(prim, kind, time, color, notes)
     tint = get("inputs:shaping:focusTint", (0.0, 0.0, 0.0))
     _note_unsupported(prim, kind, time, notes)
     r, g, b = (float(x) for x in level * rgb)
@@ -113,9 +112,7 @@ def _read_light(prim: Usd.Prim, world: F64, time: Usd.TimeCode, color: Color, no
         treat_as_point=bool(get("treatAsPoint", False)) and kind == "sphere",
         diffuse=float(get("inputs:diffuse", 1.0)),
         specular=float(get("inputs:specular", 1.0)),
-        texture=texture,
-        texture_format=str(get("inputs:texture:format", "automatic")),
-        texture_color_space=texture_space,
+        texture=_texture(prim, kind, time, color, notes),
         cone_angle=float(get("inputs:shaping:cone:angle", 90.0)),
         cone_softness=float(get("inputs:shaping:cone:softness", 0.0)),
         focus=float(get("inputs:shaping:focus", 0.0)),
@@ -157,23 +154,25 @@ def size_factor(
     return 1.0
 
 
-def _texture(prim: Usd.Prim, kind: str, time: Usd.TimeCode, color: Color, notes: Notes) -> tuple[str, str]:
-    """Returns the texture of a dome or rect light and its colour space; "" where it cannot be used."""
+def _texture(prim: Usd.Prim, kind: str, time: Usd.TimeCode, color: Color, notes: Notes) -> LightTexture | None:
+    """Returns the texture of a dome or rect light; none where it cannot be used."""
     attribute = prim.GetAttribute("inputs:texture:file")
     asset = attribute.Get(time) if attribute and kind in ("dome", "rect") else None
     if not isinstance(asset, Sdf.AssetPath) or not asset.path:
-        return "", "auto"
+        return None
     path = str(asset.resolvedPath)
     why = images.why_unreadable(path) if path else "it cannot be found"
     if why:
         reason = f"texture {asset.path} of light {{}} cannot be read ({why}): its colour is used"
         notes.add(reason, prim.GetPath())
-        return "", "auto"
+        return None
     space = attribute.GetColorSpace() if attribute.HasColorSpace() else "auto"
     if space != "auto" and not color.knows(space):
         notes.add(f"colour space {space} of light {{}} is unknown: taken as auto", prim.GetPath())
         space = "auto"
-    return path, space
+    format = prim.GetAttribute("inputs:texture:format")
+    shape = str((format.Get(time) if format else None) or "automatic")
+    return LightTexture(path, shape, space, color.config, color.working_space)
 
 
 def _note_unsupported(prim: Usd.Prim, kind: str, time: Usd.TimeCode, notes: Notes) -> None:

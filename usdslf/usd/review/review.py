@@ -1,6 +1,6 @@
 """What a look layer changes in a shot, and what is wrong with it: for a person who has to accept it.
 
-    review_look(shot, look) -> dict          JSON-ready: materials, edits, findings
+    review_look(shot, look, ocio) -> dict          JSON-ready: materials, edits, findings
     lines_of_review(found) -> list[str]      the lines that people read
 """
 
@@ -21,8 +21,13 @@ from usdslf.usd.review.validate import validate
 LONG = 4  # values of an array that are shown; of more, their number
 
 
-def review_look(shot: str | os.PathLike[str], look: str | os.PathLike[str]) -> dict[str, Any]:
+def review_look(
+    shot: str | os.PathLike[str], look: str | os.PathLike[str], ocio: str | None
+) -> dict[str, Any]:
     """Returns what a look layer says of each material and attribute, with the shot's own values, and the findings.
+
+    Args:
+        ocio: OpenColorIO config that has to know the colour spaces; None is $OCIO, else the built-in one.
 
     Raises: StageError for the shot, InputError where the look is no look layer.
     """
@@ -37,7 +42,7 @@ def review_look(shot: str | os.PathLike[str], look: str | os.PathLike[str]) -> d
         "look": layer.realPath,
         "materials": [_material(s) for s in specs if isinstance(s, Sdf.PrimSpec) and "usdslf" in s.customData],
         "edits": [_edit(below, s) for s in specs if isinstance(s, Sdf.PropertySpec)],
-        "findings": [vars(f) for f in validate(stage)],
+        "findings": [vars(f) for f in validate(stage, ocio)],
     }
 
 

@@ -1,6 +1,6 @@
 """What is wrong with the looks and strokes that a stage holds, that USD's own validators do not see.
 
-validate(stage, scene=None) -> list[Finding(name, prim, message, layer)]     nothing for a stage without any
+validate(stage, ocio, scene=None) -> list[Finding(name, prim, message, layer)]     nothing for a stage without any
 lines_of_findings(findings) -> list[str]
 
 DanglingOver      an over on what the shot does not have: renamed, removed, or in another variant
@@ -28,7 +28,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from pxr import Ar, Sdf, Sdr, Usd, UsdShade
 
-from usdslf.color import color_of
+from usdslf.color import USD_DEFAULT_SPACE, Color, color_of
 from usdslf.errors import StrokeError, UsdslfError
 from usdslf.usd.arcs import inherited_classes
 from usdslf.usd.binding import bound_relationship
@@ -61,12 +61,13 @@ class Finding:
     layer: str  # file
 
 
-def validate(stage: Usd.Stage, scene: Scene | None = None) -> list[Finding]:
+def validate(stage: Usd.Stage, ocio: str | None, scene: Scene | None = None) -> list[Finding]:
     """Returns what is wrong with the look and stroke layers in a stage's own layer stack.
 
     A look that is opened alone is put over the shot that it names.
 
     Args:
+        ocio: OpenColorIO config that has to know the colour spaces; None is $OCIO, else the built-in one.
         scene: the stage as it was read, if the caller has it: tells whether surfaces moved.
     """
     layers = stage.GetLayerStack(includeSessionLayers=True)
@@ -76,7 +77,7 @@ def validate(stage: Usd.Stage, scene: Scene | None = None) -> list[Finding]:
     with quiet_usd():
         for look in looks:
             over = _with_its_shot(stage, look)
-            findings += [*_Look(over, look).findings(), *_of_layer(look)]
+            findings += [*_Look(over, look, color_of(ocio, USD_DEFAULT_SPACE)).findings(), *_of_layer(look)]
         for layer in strokes:
             findings += [*_of_strokes(stage, layer, scene), *_of_layer(layer)]
     return list(dict.fromkeys(findings))
@@ -112,9 +113,9 @@ def _of_layer(layer: Sdf.Layer) -> Iterator[Finding]:
 class _Look:
     """The opinions of one look layer, seen in the stage that they are composed in."""
 
-    def __init__(self, stage: Usd.Stage, layer: Sdf.Layer) -> None:
+    def __init__(self, stage: Usd.Stage, layer: Sdf.Layer, color: Color) -> None:
         self.stage, self.layer, self.file = stage, layer, layer.GetDisplayName()
-        self.color = color_of()
+        self.color = color
         self.users: dict[Sdf.Path, Sdf.Path] = {}  # class -> what inherits it in this layer
         self._find_classes(layer.pseudoRoot)
 

@@ -33,7 +33,7 @@ def register_validators() -> None:
 def find(stage: Usd.Stage, time_range: Any = None) -> list[UsdValidation.ValidationError]:
     """Returns the findings as errors of the framework."""
     try:
-        findings = validate(stage)
+        findings = validate(stage, ocio=None)
     except Exception as error:
         where = str(stage.GetRootLayer().identifier)
         findings = [Finding("ValidatorFailed", "/", f"{type(error).__name__}: {error}", where)]
