@@ -196,6 +196,12 @@ class MaterialReader:
             texels = np.broadcast_to(np.array(value("fallback", (0, 0, 0, 1)), np.float32), (2, 2, 4))
         else:
             texels = texels * np.array(scale, np.float32) + np.array(bias, np.float32)
+        reader = texture.GetInput("st")
+        if not (reader and reader.HasConnectedSource()):  # one place of the texture, (0, 0) unless written
+            s, t = (reader.Get() if reader else None) or (0.0, 0.0)
+            row, column = int((1 - t % 1) * len(texels)) % len(texels), int(s % 1 * texels.shape[1])
+            row = len(texels) - 1 if t == 0 else row
+            texels = np.broadcast_to(texels[row, column], (2, 2, 4))
         channels = CHANNELS[output]
         if size == 3 and len(channels) == 1:
             channels = channels * 3

@@ -29,7 +29,7 @@ from reference.mitsuba_setup import set_variant
 set_variant()
 
 STORM_EPSILON = 1e-3
-SMALLEST_SAMPLED_ALPHA = 2e-4
+SMALLEST_ROUGHNESS = 0.02  # below it float32 has no lobes; they are narrower than a pixel anyway
 
 
 class UsdPreviewSurface(mi.BSDF):
@@ -92,7 +92,7 @@ class UsdPreviewSurface(mi.BSDF):
             f0 = dr.lerp(s * r0, s, m)
             f90 = s * self.f90
             d = d * (1 - m)
-        roughness = dr.maximum(_scalar_at(self.roughness, si, active), 1e-3)
+        roughness = dr.maximum(_scalar_at(self.roughness, si, active), SMALLEST_ROUGHNESS)
         opacity = _scalar_at(self.opacity, si, active) if self.has_null else mi.Float(1)
         if self.opacity_threshold > 0:
             opacity = dr.select(opacity >= self.opacity_threshold, mi.Float(1), mi.Float(0))
@@ -122,9 +122,9 @@ class UsdPreviewSurface(mi.BSDF):
 
     # Microfacet terms.
 
-    def _D(self, alpha: Any, nh: Any) -> Any:
+    def _D(self, alpha: Any, h: Any) -> Any:
         a2 = alpha * alpha
-        t = nh * nh * (a2 - 1) + 1
+        t = h.x * h.x + h.y * h.y + a2 * h.z * h.z  # NH^2 (a2 - 1) + 1 without its cancellation
         if self.model == "storm":
             return (a2 + STORM_EPSILON) / (dr.pi * t * t)
         return a2 / (dr.pi * t * t)
@@ -154,15 +154,14 @@ class UsdPreviewSurface(mi.BSDF):
         nl, ne = dr.maximum(nl, 1e-6), dr.maximum(ne, 1e-6)
         h = dr.normalize(wi + wo)
         s5 = (1 - dr.clip(dr.dot(wi, h), 0, 1)) ** 5
-        nh = dr.clip(h.z, 0, 1)
         F = dr.lerp(f0, f90, s5)
         alpha = roughness * roughness
-        specular = F * (self._D(alpha, nh) * self._V(alpha, nl, ne))
+        specular = F * (self._D(alpha, h) * self._V(alpha, nl, ne))
         if self.has_clearcoat:
             r0 = self._r0()
-            rough_c = dr.maximum(_scalar_at(self.clearcoat_roughness, si, active), 1e-3)
+            rough_c = dr.maximum(_scalar_at(self.clearcoat_roughness, si, active), SMALLEST_ROUGHNESS)
             alpha_c = rough_c * rough_c
-            coat = (r0 + (1 - r0) * s5) * self._D(alpha_c, nh) * self._V(alpha_c, nl, ne)
+            coat = (r0 + (1 - r0) * s5) * self._D(alpha_c, h) * self._V(alpha_c, nl, ne)
             specular += _scalar_at(self.clearcoat, si, active) * coat
         value = (d * dr.inv_pi * (1 - F) + specular) * nl
         if self.presence:
@@ -183,7 +182,7 @@ class UsdPreviewSurface(mi.BSDF):
         return specular * (1 - coat), coat, (1 - specular) * (1 - coat), through
 
     def _lobe(self, roughness: Any) -> tuple[Any, Any]:
-        alpha = dr.maximum(roughness * roughness, SMALLEST_SAMPLED_ALPHA)
+        alpha = roughness * roughness
         return alpha, mi.MicrofacetDistribution(mi.MicrofacetType.GGX, alpha, alpha, True)
 
     def _pdf(self, surface: Any, si: Any, wo: Any, active: Any) -> Any:
@@ -198,7 +197,7 @@ class UsdPreviewSurface(mi.BSDF):
         jacobian = 4 * dr.maximum(dr.dot(wi, h), 1e-6)
         pdf = specular * self._lobe(surface[3])[1].pdf(wi, h) / jacobian
         if self.has_clearcoat:
-            rough_c = dr.maximum(_scalar_at(self.clearcoat_roughness, si, active), 1e-3)
+            rough_c = dr.maximum(_scalar_at(self.clearcoat_roughness, si, active), SMALLEST_ROUGHNESS)
             pdf += coat * self._lobe(rough_c)[1].pdf(wi, h) / jacobian
         pdf += cosine * wo.z * dr.inv_pi
         return dr.select(ok, pdf * (1 - through), 0)
@@ -216,7 +215,7 @@ class UsdPreviewSurface(mi.BSDF):
         is_specular, is_coat = u < specular, (u >= specular) & (u < specular + coat)
         roughness = surface[3]
         if self.has_clearcoat:
-            rough_c = dr.maximum(_scalar_at(self.clearcoat_roughness, si, active), 1e-3)
+            rough_c = dr.maximum(_scalar_at(self.clearcoat_roughness, si, active), SMALLEST_ROUGHNESS)
             roughness = dr.select(is_coat, rough_c, roughness)
         h, _ = self._lobe(roughness)[1].sample(wi, sample2)
         wo_cosine = mi.warp.square_to_cosine_hemisphere(sample2)

@@ -4,12 +4,8 @@
 
 For each case: the picture before and after its change; 24 dabs on the subject where the picture changed
 visibly; for each dab the mean radiance over its footprint after the change, from rays of its own, until the
-noise of nine means in ten is below 1 %.  What is saved, as truth/NAME.json, is what a painter would have
-said, in three ways, and the true parameters:
-
-    exact    the true means
-    uneven   times a smooth error of brightness (10 % RMS over the stroke) and one tint (5 % RMS)
-    flat     one colour, the mean of all dabs
+noise of nine means in ten is below 1 %.  What is saved, as truth/NAME.json, is the true parameters and what
+three painters would have said (exact, uneven, flat; the others follow from the exact colours, see painters.py).
 
 Half of the cases spread their dabs evenly over the changed area, half draw them by how much changed.
 """
@@ -33,6 +29,7 @@ from pxr import UsdGeom, UsdShade
 from reference.pathtracer import Tracer, camera_rays
 from scipy.ndimage import uniform_filter
 from truth.recovery.cases import CASES
+from truth.recovery.painters import uneven
 from truth.recovery.stages import CAMERA, SIZE, SUBJECT, Case, TextureInput, build_stage
 
 TRUTH = Path(__file__).parent / "truth"
@@ -186,18 +183,6 @@ def dab_radiance(tracer: Tracer, xy: NDArray, most_rounds: int, seed: int) -> tu
         is_quiet = np.percentile(noise, 90) < WANTED_NOISE and noise.max() < MOST_NOISE
         if is_quiet or len(means) >= most_rounds:
             return total, noise
-
-
-def uneven(colors: NDArray, xy: NDArray, rng: np.random.Generator) -> NDArray:
-    """Returns colours (n, 3) with a smooth error of brightness and a tint."""
-    place = xy * [ASPECT, 1]
-    size = max(float(np.ptp(place, axis=0).max()), 0.1)
-    turn, phase = rng.uniform(0, 2 * np.pi, 2)
-    wave = np.sin(2 * np.pi * 0.75 * (place @ [np.cos(turn), np.sin(turn)]) / size + phase)
-    wave = 0.10 * wave / max(float(np.sqrt(np.mean(wave**2))), 0.3)
-    tint = rng.normal(size=3)
-    tint = 0.05 * (tint - tint.mean()) / np.sqrt(np.mean((tint - tint.mean()) ** 2))
-    return colors * (1 + wave[:, None]) * (1 + tint)
 
 
 def true_surface(case: Case, folder: Path, xy: NDArray, changed: bool) -> dict[str, Any]:
