@@ -11,6 +11,7 @@ import ast
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from statistics import median
 
@@ -40,6 +41,7 @@ class Module:
         return ".".join(self.name.split(".")[:2])
 
 
+@cache
 def read_modules(root: Path = ROOT) -> dict[str, Module]:
     """Returns all modules of the program by name."""
     found = {}

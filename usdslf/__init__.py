@@ -18,13 +18,16 @@ only `session` knows the order.
     author          usd.author      edits -> look layer, review root
     render          render          Scene, LightField, Camera -> picture
 
-Public names:
+Public names; all others may change from version to version:
 
-    open(stage_or_path, frame=None, ...) -> Session    reads a shot; steps run when they are needed
-    Session                                            .add_stroke .solve .author .render .report
-    Stroke, paint_stroke, read_strokes, write_strokes  what was painted
-    Scene                                              the shot as numpy records
-    UsdslfError                                        base of all errors that a user can mend
+    open             opens a shot: a path or a Usd.Stage -> Session; steps run when they are needed
+    Session          the page of verbs for scripts: add_stroke, solve, author, render, report
+    Stroke           what was painted, and from where, as a record
+    paint_stroke     a path on the picture of a camera -> Stroke
+    read_strokes     the strokes of a stroke layer
+    write_strokes    strokes -> a stroke layer
+    Scene            the shot at a frame as numpy records
+    UsdslfError      base of all errors that a user can mend, with the exit code of each
 """
 
 from __future__ import annotations
@@ -70,10 +73,12 @@ _HOME = {
 }
 
 
-def __getattr__(name: str) -> Any:
-    if name not in _HOME:
-        raise AttributeError(f"module 'usdslf' has no attribute {name!r}")
-    return getattr(import_module(_HOME[name]), name)
+if not TYPE_CHECKING:  # type checkers are to find unknown names
+
+    def __getattr__(name: str) -> Any:
+        if name not in _HOME:
+            raise AttributeError(f"module 'usdslf' has no attribute {name!r}")
+        return getattr(import_module(_HOME[name]), name)
 
 
 def __dir__() -> list[str]:

@@ -192,10 +192,24 @@ class Triangles:
 
 @dataclass(frozen=True)
 class Scene:
-    """A shot at one frame."""
+    """A shot at one frame, without USD: world space, stage units, scene-linear working space.
 
-    stage: str  # identifier of the root layer
-    frame: float  # nan: default time
+    Attributes:
+        stage: file of the root layer, or its identifier where it is in memory alone.
+        frame: time code; nan: default time.
+        meshes: of M renderable gprims, triangulated; an instance is one of its own.
+        materials: UsdPreviewSurfaces that meshes show, by the index that these hold.
+        lights: what shines of itself, dome lights too.
+        cameras: of the shot, in the order of its prims.
+        up_axis: Y | Z.
+        meters_per_unit: metres that a stage unit is long, above 0.
+        warnings: a sentence for each thing that could not be read as it was meant.
+        ocio: OpenColorIO config as asked for; "": $OCIO, else the built-in one.
+        working_space: name of the colour space, scene-linear, that all colours are in.
+    """
+
+    stage: str
+    frame: float
     meshes: tuple[Mesh, ...]
     materials: tuple[Material, ...]
     lights: tuple[Light, ...]
@@ -203,7 +217,7 @@ class Scene:
     up_axis: str = "Y"
     meters_per_unit: float = 0.01
     warnings: tuple[str, ...] = ()
-    ocio: str = ""  # OpenColorIO config as asked for; "" is $OCIO, else the built-in one
+    ocio: str = ""
     working_space: str = "lin_rec709_scene"
 
     @cached_property
@@ -230,11 +244,20 @@ class Scene:
         return tuple(self.meshes[m].path for m in np.unique(table.mesh[table.material == material]))
 
     def corner_uvs(self, name: str) -> F32:
-        """Texture coordinates (T, 3, 2) of all triangles; nan where a mesh has no such set."""
+        """Returns texture coordinates (T, 3, 2) of all triangles; nan where a mesh has no such set.
+
+        Args:
+            name: of the primvar that holds them.
+        """
         return self._corner_values("uvs", name, 2)
 
     def corner_primvar(self, name: str, size: int) -> F32:
-        """Primvar values (T, 3, size) of all triangles; nan where a mesh has none."""
+        """Returns the values (T, 3, size) of a primvar at the corners of all triangles; nan where a mesh has none.
+
+        Args:
+            name: of the primvar, without `primvars:`.
+            size: components of a value; 1 to 4.
+        """
         return self._corner_values("primvars", name, size)
 
     def _corner_values(self, table: str, name: str, size: int) -> F32:
@@ -255,12 +278,12 @@ class Scene:
 
     @cached_property
     def bounds(self) -> tuple[F64, F64]:
-        """Lower and upper corner (3,), (3,) of all triangles."""
+        """Lower and upper corner (3,), (3,) of all triangles [stage units]."""
         p = self.triangles.positions.reshape(-1, 3).astype(np.float64)
         return (p.min(0), p.max(0)) if len(p) else (np.zeros(3), np.zeros(3))
 
     @property
     def diagonal(self) -> float:
-        """Length of the diagonal of the bounds."""
+        """Length of the diagonal of the bounds [stage units]."""
         low, high = self.bounds
         return float(np.linalg.norm(high - low))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import fields, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -19,9 +19,23 @@ if TYPE_CHECKING:
     from usdslf.rays import RayTracer
 
 SPACING = 0.5  # of the brush radius, between neighbouring points of a painted curve
-
-
 GAP = 3.0  # a step that is this many times the expected one is a jump to another surface: the pen is lifted
+
+
+class Settings(TypedDict, total=False):
+    """What a stroke is to mean, as its attributes of these names say, and how its path is laid; see `paint_stroke`."""
+
+    name: str
+    tool: str
+    mode: str
+    strength: float
+    space: str
+    norm: str
+    scope: str
+    choice: str
+    clone_offset: tuple[float, float, float]
+    aspect: float | None
+    spacing: float
 
 
 def paint_stroke(
@@ -32,31 +46,24 @@ def paint_stroke(
     radius: float,
     color: ArrayLike = (1.0, 1.0, 1.0),
     image: NDArray | None = None,
-    *,
-    aspect: float | None = None,
-    name: str = "stroke_0001",
-    tool: str = "replace",
-    mode: str = "direct",
-    strength: float = 1.0,
-    space: str = "scene",
-    norm: str = "mixed",
-    scope: str = "material",
-    choice: str = "",
-    clone_offset: tuple[float, float, float] = (0.0, 0.0, 0.0),
-    spacing: float = SPACING,
+    **settings: Unpack[Settings],
 ) -> Stroke:
-    """Lays the brush along paths of a picture, onto what the camera sees there.
+    """Lays the brush along paths of a picture, onto what the camera sees there, and returns the stroke.
 
     Each path is resampled at the brush's spacing, so that colours and anchors do not depend on how often the
     pen was read.  A curve ends where the path leaves the surfaces or jumps to one behind.
 
     Args:
-        paths: each (k, 2) in picture coordinates; one point is a dab.
-        radius: of the brush, as a fraction of the picture's height.
+        scene: the shot, as `Session.scene` or `Shot.scene` has it.
+        tracer: rays against it, as `Session.tracer` or `Shot.tracer` has them.
+        camera: that the picture was made with.
+        paths: each (k, 2) x, y in 0..1 of the picture, origin top left; one point is a dab.
+        radius: of the brush, as a fraction of the picture's height, above 0.
         color: (3,) working space.
-        image: (h, w, 3 or more) picture of the same camera that each point takes its colour from.
-        aspect: width / height of the picture; None: the image's, else the camera's aperture.
-        spacing: between points, in brush radii.
+        image: (h, w, 3 or more) picture of the same camera that each point takes its colour from, in the working space.
+        settings: `name`, `tool`, `mode`, `strength`, `space`, `norm`, `scope`, `choice` and `clone_offset` of the
+            stroke (see `Stroke`); `aspect`, width / height of the picture: by default the image's, else that of the
+            camera's aperture; `spacing` between points, in brush radii (0.5).
 
     Raises:
         StrokeError: nothing is hit, or a value cannot be meant.
@@ -65,6 +72,8 @@ def paint_stroke(
         raise StrokeError(f"the brush radius {radius:g} is not positive: it is a share of picture height")
     if not (np.isfinite(color).all() and np.shape(color) == (3,)):
         raise StrokeError(f"the colour {np.asarray(color).tolist()} is not three finite numbers: give R,G,B")
+    meant: dict[str, Any] = {"name": "stroke_0001", **settings}
+    spacing, aspect = meant.pop("spacing", SPACING), meant.pop("aspect", None)
     if aspect is None:
         aspect = image.shape[1] / image.shape[0] if image is not None else film_aspect(camera)
     curves = [_resample(path, spacing * radius, aspect) for path in paths]
@@ -80,52 +89,57 @@ def paint_stroke(
         raise StrokeError(
             f"the stroke lies off every surface that the camera {camera.path} sees: move its path onto one"
         )
-    at, curve, triangle = at[hit], curve[hit], hits.triangle[hit]
-    uv = hits.barycentric[hit].astype(np.float32)
+    triangle, uv = hits.triangle[hit], hits.barycentric[hit].astype(np.float32)
     points, normals = points_on_triangles(scene, triangle, uv)
     eye = _eyes(camera, rays.origin[hit], rays.direction[hit])
     normals = turned_towards(normals, scene.triangles.face_normals[triangle], eye - points)
     heights = _picture_height(camera, points, aspect)
-    # A step on the picture that is far longer in the world than the surface's slant explains is a jump.
-    step = np.linalg.norm(np.diff(points, axis=0), axis=1)
     slant = np.abs((normals * unit(eye - points)).sum(1)).clip(0.1, 1)
-    expected = spacing * radius * heights / slant
-    broken = (np.diff(curve) != 0) | (np.diff(np.flatnonzero(hit)) != 1)
-    broken |= step > GAP * np.maximum(expected[1:], expected[:-1])
-    counts = np.diff(np.concatenate([[0], np.flatnonzero(broken) + 1, [len(points)]]))
+    lifted = (np.diff(curve[hit]) != 0) | (np.diff(np.flatnonzero(hit)) != 1)
+    counts = _unbroken(points, spacing * radius * heights / slant, lifted)
 
     colors = np.broadcast_to(np.asarray(color, np.float32), (len(points), 3))
     if image is not None:
-        colors = sample_picture(image, at)
-    mesh = scene.triangles.mesh[triangle]
-    used, surface_index = np.unique(mesh, return_inverse=True)
-    in_face = np.concatenate([m.triangle_in_face for m in scene.meshes])[triangle]
-    barycentric = uv + np.stack([in_face, np.zeros_like(in_face)], -1)
+        colors = sample_picture(image, at[hit])
     stroke = Stroke(
-        name=name,
         points=points,
         widths=(2 * radius * heights).astype(np.float32),
         colors=np.ascontiguousarray(colors, np.float32),
         eye=eye,
         normals=normals,
-        curve_counts=tuple(int(c) for c in counts),
-        tool=tool,
-        mode=mode,
-        strength=strength,
-        space=space,
-        surfaces=tuple(scene.meshes[m].path for m in used),
-        surface_index=surface_index.astype(np.int32),
-        face=scene.triangles.face[triangle].astype(np.int32),
-        barycentric=barycentric.astype(np.float32),
+        curve_counts=counts,
         frame=scene.frame,
-        norm=norm,
-        scope=scope,
-        choice=choice,
-        clone_offset=clone_offset,
+        **_anchors(scene, triangle, uv),
+        **meant,
     )
     stroke = _take(stroke, *_double_single_points(stroke.counts))
     validate_stroke(stroke)
     return stroke
+
+
+def _unbroken(points: NDArray, expected: NDArray, lifted: NDArray) -> tuple[int, ...]:
+    """Returns how many points each curve has.
+
+    A step on the picture that is far longer in the world than the surface's slant explains is a jump to another
+    surface: the pen is lifted there too.
+    """
+    step = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    broken = lifted | (step > GAP * np.maximum(expected[1:], expected[:-1]))
+    ends = np.concatenate([[0], np.flatnonzero(broken) + 1, [len(points)]])
+    return tuple(int(c) for c in np.diff(ends))
+
+
+def _anchors(scene: Scene, triangle: NDArray, uv: NDArray) -> dict[str, Any]:
+    """The attributes of a Stroke that say where on its gprims each point lies."""
+    used, surface_index = np.unique(scene.triangles.mesh[triangle], return_inverse=True)
+    in_face = np.concatenate([m.triangle_in_face for m in scene.meshes])[triangle]
+    barycentric = uv + np.stack([in_face, np.zeros_like(in_face)], -1)
+    return {
+        "surfaces": tuple(scene.meshes[m].path for m in used),
+        "surface_index": surface_index.astype(np.int32),
+        "face": scene.triangles.face[triangle].astype(np.int32),
+        "barycentric": barycentric.astype(np.float32),
+    }
 
 
 def sample_picture(image: NDArray, at: ArrayLike) -> F32:

@@ -31,35 +31,58 @@ SCOPES = ("stroke", "prim", "material", "similar")
 
 @dataclass(frozen=True)
 class Stroke:
-    """A painted stroke.  n points on k curves; a single dab is a curve of the same point twice.
+    """A painted stroke: n points on k curves; a single dab is a curve of the same point twice.
 
-    World space, stage units, working colour space.  Anchors (`surface_index`, `face`, `barycentric`) have n
-    rows, or none where they are unknown; `surface_index` is -1 for a single unknown one.  `barycentric` is
-    (u + number of the triangle within the face, v).
+    World space, stage units, scene-linear working space.  Anchors (`surface_index`, `face`, `barycentric`) have n rows,
+    or none where they are unknown.
+
+    Attributes:
+        name: of the prim; letters, digits and _.
+        points: (n, 3) on the surface [stage units].
+        widths: (n,) diameter of the brush [stage units], above 0.
+        colors: (n, 3) what was painted, in the working space.
+        eye: (n, 3) where each point was seen from [stage units].
+        normals: (n, 3) unit, on the side of the eye; or (0, 3).
+        curve_counts: points of each curve, 2 or more, together n; () for one curve.
+        tool: replace | clone | brighten | darken | blur | sharpen | fixate.
+        mode: direct | indirect: whether what was painted changes, or what its light comes from.
+        strength: of the tool, 0..1.
+        space: scene: colors are radiance as seen | reflectance: they are albedo-like.
+        surfaces: paths of the gprims that were painted.
+        surface_index: (n,) into surfaces; -1 for a single unknown one.
+        face: (n,) face of the gprim as it was authored.
+        barycentric: (n, 2) u + the number of the triangle within the face, and v; u and v in 0..1.
+        frame: time code that it was painted at; nan: default time.
+        norm: l2 | l0 | mixed: how many parameters its change may free.
+        scope: stroke | prim | material | similar: how far its change may spread.
+        choice: id of the alternative that was chosen; "" for the solver's best.
+        clone_offset: (3,) from each point to the source of tool clone [stage units].
+        active: False for one that is switched off.
+        prim: path that it was read from; "" for one that is new.
     """
 
-    name: str  # of the prim
-    points: F32  # (n, 3) on the surface
-    widths: F32  # (n,) diameter of the brush
-    colors: F32  # (n, 3)
-    eye: F32  # (n, 3) where each point was seen from
-    normals: F32 = field(default_factory=lambda: np.zeros((0, 3), np.float32))  # (n, 3) or none; unit
-    curve_counts: tuple[int, ...] = ()  # points of each curve, together n; () for one curve
+    name: str
+    points: F32
+    widths: F32
+    colors: F32
+    eye: F32
+    normals: F32 = field(default_factory=lambda: np.zeros((0, 3), np.float32))
+    curve_counts: tuple[int, ...] = ()
     tool: str = "replace"
     mode: str = "direct"
-    strength: float = 1.0  # 0..1
-    space: str = "scene"  # scene: radiance as seen | reflectance: albedo-like
-    surfaces: tuple[str, ...] = ()  # gprims
-    surface_index: I32 = field(default_factory=lambda: np.zeros(0, np.int32))  # (n,) into surfaces
-    face: I32 = field(default_factory=lambda: np.zeros(0, np.int32))  # (n,) face of the gprim
-    barycentric: F32 = field(default_factory=lambda: np.zeros((0, 2), np.float32))  # (n, 2)
-    frame: float = float("nan")  # nan: default time
+    strength: float = 1.0
+    space: str = "scene"
+    surfaces: tuple[str, ...] = ()
+    surface_index: I32 = field(default_factory=lambda: np.zeros(0, np.int32))
+    face: I32 = field(default_factory=lambda: np.zeros(0, np.int32))
+    barycentric: F32 = field(default_factory=lambda: np.zeros((0, 2), np.float32))
+    frame: float = float("nan")
     norm: str = "mixed"
     scope: str = "material"
-    choice: str = ""  # id of the alternative that was chosen, "" for the solver's best
+    choice: str = ""
     clone_offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
     active: bool = True
-    prim: str = ""  # path of the prim that it was read from, "" for one that is new
+    prim: str = ""
 
     @property
     def path(self) -> str:

@@ -35,6 +35,10 @@ def read_strokes(path: str | os.PathLike[str], warnings: list[str] | None = None
 
     A stroke layer whose strokes were all removed gives none.
 
+    Args:
+        path: of the layer, or of a stage that composes one.
+        warnings: a list to which a sentence is added for each thing that was made up or left out.
+
     Raises:
         StrokeError: no such file, not USD, no strokes in it, or a stroke that cannot be meant.
     """
@@ -58,6 +62,13 @@ def read_strokes(path: str | os.PathLike[str], warnings: list[str] | None = None
 
 def write_strokes(path: str | os.PathLike[str], strokes: Sequence[Stroke], shot_stage: Usd.Stage) -> None:
     """Writes the strokes, and only them, to a stroke layer; the order of strokes is the order of prims.
+
+    A stroke layer that is there keeps what it holds beside strokes; a failure leaves it as it was.
+
+    Args:
+        path: of the layer, new or a stroke layer.
+        strokes: all that the layer is to hold, by distinct names.
+        shot_stage: Usd.Stage of the shot, whose units, up axis and times the layer takes over.
 
     Raises:
         StrokeError: a stroke cannot be meant, two have one name, or the file is not a stroke layer.

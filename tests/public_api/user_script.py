@@ -1,0 +1,46 @@
+"""What a user's script does with the public names of usdslf; it is checked by mypy --strict, and not run."""
+
+from __future__ import annotations
+
+import sys
+
+import numpy as np
+from numpy.typing import NDArray
+
+import usdslf
+
+
+def strokes_of(session: usdslf.Session, path: str) -> list[usdslf.Stroke]:
+    said: list[str] = []
+    strokes = usdslf.read_strokes(path, warnings=said)
+    painted: usdslf.Stroke = usdslf.paint_stroke(
+        session.scene, session.tracer, session.camera("/World/camera"), [[(0.4, 0.5), (0.6, 0.5)]], 0.02,
+        color=(0.5, 0.1, 0.1), tool="replace", strength=0.5, name="stroke_0002",
+    )  # fmt: skip
+    usdslf.write_strokes(path, [*strokes, painted], session.stage)
+    return [*strokes, painted]
+
+
+def size_of(scene: usdslf.Scene) -> float:
+    low, high = scene.bounds
+    return float(np.linalg.norm(high - low)) * scene.meters_per_unit
+
+
+def main() -> int:
+    try:
+        session = usdslf.open("shot.usda", elements=4000)
+        for stroke in strokes_of(session, "strokes.usda"):
+            session.add_stroke(stroke)
+        session.solve()
+        session.author("look.usda", strokes_path="strokes.usda", review_root="review.usda")
+        picture: NDArray[np.float32] = session.render("/World/camera")["color"]
+        report = session.report()
+        print(usdslf.__version__, size_of(session.scene), picture.shape, report["strokes"])
+    except usdslf.UsdslfError as error:
+        print(error, file=sys.stderr)
+        return error.exit_code
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
