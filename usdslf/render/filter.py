@@ -2,7 +2,7 @@
 
 Samples of a picture lie on a grid of (height, width); a tile of it shares one low-discrepancy set (interleaved
 sampling), and the mean over a window of the tile's size has all of it.  What is filtered is light without the
-surface's colours, so textures stay; kernels/render.cl says which neighbours count.
+surface's colours, so textures stay; kernels/filter.cl says which neighbours count.
 
 Reflections in smooth metal are sharper than the window.  A part of the window would hold a part of the set, another
 one at each place of the tile, which shows as a grid of dots.  So such points have smaller tiles, and whole ones.
@@ -12,6 +12,7 @@ Source: Keller and Heidrich 2001, Interleaved Sampling; Wald et al. 2002, Intera
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -34,53 +35,71 @@ NORMAL_COSINE = 0.985  # normals may differ by 10 degrees
 NOISE = 0.03  # relative uncertainty of filtered light above which more samples are spent
 REFINE_MOST = 8  # how many times as many
 REFINE_BUDGET = 1.0  # of the samples of the first round, for all that is spent on refining
-FEATURES, CLASS, WEIGHT, SIDE, WIDE = 15, 11, 12, 13, 14  # kernels/render.cl
+POSITION, NORMAL, MIRROR, ALPHA, PLANE_GAP = 0, 3, 6, 9, 10
+CLASS, WEIGHT, TILE_SIDE, LOBE_WIDTH, FEATURES = 11, 12, 13, 14, 15
+PLACES = {
+    "POSITION": POSITION, "NORMAL": NORMAL, "MIRROR": MIRROR, "ALPHA": ALPHA, "PLANE_GAP": PLANE_GAP, "CLASS": CLASS,
+    "WEIGHT": WEIGHT, "TILE": TILE_SIDE, "LOBE_WIDTH": LOBE_WIDTH, "FEATURES": FEATURES,
+}  # fmt: skip
+"""Where the features of a sample stand, and how many there are: build constants of kernels/filter.cl."""
+
+
+@dataclass(frozen=True)
+class SampleGrid:
+    """Where points lie on a grid of samples of a picture."""
+
+    width: int
+    height: int
+    rows: NDArray[np.intp]  # (n,) of the grid's rows of samples, one after the other
+    antialias: int  # samples on a side of a pixel
+    first_row: int = 0  # of the picture's samples, where the grid starts
+
+    @property
+    def count(self) -> int:
+        """Samples of the grid."""
+        return self.width * self.height
 
 
 class LightFilter:
     """Filters the light of points that lie at `rows` of a grid of samples."""
 
     def __init__(
-        self, device: Device, grid: tuple[int, int], rows: NDArray[np.intp], points: ShadingPoints, kind: NDArray,
-        pixel: F32, center: F32, rays: int, antialias: int, first_row: int = 0,
-    ) -> None:  # fmt: skip
+        self, device: Device, grid: SampleGrid, points: ShadingPoints, kind: NDArray, pixel: F32, center: F32, rays: int
+    ) -> None:
         """Prepares what neighbours are compared by.
 
         Args:
-            grid: width and height in samples.
-            rows: (n,) of the grid's rows of samples, one after the other.
+            grid: where the points lie.
             points: n of them.
             kind: (n,) materials; light is shared among equals only.
             pixel: (n,) size of a pixel's footprint there [stage units].
             center: (3,) subtracted from positions for the sake of precision.
             rays: of each point.
-            antialias: samples on a side of a pixel.
-            first_row: of the picture's samples, where the grid starts.
         """
-        self._device, self._grid, self._rows, self._points = device, grid, rows, points
-        self._filter = device.kernel("render", "filter_light")
-        self._noise = device.kernel("render", "window_noise")
+        self._device, self._points = device, points
+        self._size, self._rows = (grid.width, grid.height), grid.rows
+        self._filter = device.kernel("filter", "filter_light", **PLACES)
+        self._noise = device.kernel("filter", "window_noise", **PLACES)
         mirror = 2 * dot(points.normal, points.view)[:, None] * points.normal - points.view
         lean = np.maximum(np.abs(dot(points.geometric_normal, points.view)), 0.05)
         only_specular = points.lobes[:, 2] + points.lobes[:, 3] > 0.999
         columns = [
             points.position - center, points.normal, mirror, points.lobes[:, :1],
-            (pixel * (0.5 + 0.1 / lean))[:, None], (2.0 * kind + only_specular)[:, None], np.ones((len(rows), 1)),
+            (pixel * (0.5 + 0.1 / lean))[:, None], (2.0 * kind + only_specular)[:, None], np.ones((len(points), 1)),
         ]  # fmt: skip
-        self._features = np.full((grid[0] * grid[1], FEATURES), -1, np.float32)
-        self._features[rows, :SIDE] = np.concatenate(columns, 1)
-        step, is_flat = mirror_steps(self._features, grid)
-        step, is_flat = step[rows], is_flat[rows]
+        self._features = np.full((grid.count, FEATURES), -1, np.float32)
+        self._features[grid.rows, :TILE_SIDE] = np.concatenate(columns, 1)
+        step, is_flat = (x[grid.rows] for x in mirror_steps(self._features, self._size))
         wide = np.minimum(np.where(is_flat, FLAT_SHARE, LOBE_SHARE) * points.lobes[:, 0], WIDEST)
-        least = max(antialias, 2 ** int(np.ceil(np.log2(SMALLEST_SET / rays) / 2)))
+        least = max(grid.antialias, 2 ** int(np.ceil(np.log2(SMALLEST_SET / rays) / 2)))
         # Diffuse light shares the rays of a mixture, and needs the whole tile.  On curved surfaces the window has
         # other shapes, and few samples would be the same for many pixels.
         may_shrink = only_specular & is_flat
         tile = np.where(may_shrink, tiles_within(wide / np.maximum(step, 1e-9), min(least, TILE)), TILE)
-        self._features[rows, SIDE], self._features[rows, WIDE] = tile, wide
+        self._features[grid.rows, TILE_SIDE], self._features[grid.rows, LOBE_WIDTH] = tile, wide
         self._mirrors = np.flatnonzero(may_shrink & (wide < WIDEST))
-        y, x = np.divmod(rows, grid[0])
-        y += first_row
+        y, x = np.divmod(grid.rows, grid.width)
+        y += grid.first_row
         near = np.minimum(tile, NEAR_TILE)
         # of each point in its tile, and in the tile of lights that have a place
         self.place, self.near_place = (morton_place(x % t, y % t) for t in (tile, near))
@@ -88,7 +107,7 @@ class LightFilter:
 
     def radiance(self, light: F32, window: int) -> F32:
         """Returns the radiance (n, 3) that the points make of light columns (n, 5, 3), filtered over a window."""
-        out_d = self._device.empty((self._grid[0] * self._grid[1], 3), np.float32)
+        out_d = self._device.empty((len(self._features), 3), np.float32)
         inputs = self._on_grid(self._points.colors), self._on_grid(light.reshape(len(light), -1))
         self._run(self._filter, window, *inputs, out_d)
         return self._device.download(out_d)[self._rows]
@@ -105,7 +124,7 @@ class LightFilter:
         colors = self._points.colors
         matte = luminance(reflect(colors, light * _DIFFUSE_ONLY))
         value = np.stack([matte, luminance(reflect(colors, light)) - matte], 1)
-        out_d = self._device.empty((self._grid[0] * self._grid[1], 3), np.float32)
+        out_d = self._device.empty((len(self._features), 3), np.float32)
         inputs = self._on_grid(self._quarter), self._on_grid(value.astype(np.float32))
         self._run(self._noise, TILE, *inputs, out_d)
         mean, variance, count = self._device.download(out_d)[self._rows].T
@@ -117,19 +136,19 @@ class LightFilter:
         at = self._mirrors
         _, mirror = np.unique(self._features[self._rows[at], CLASS], return_inverse=True)
         error[at] = np.sqrt(np.bincount(mirror, error[at] ** 2) / np.maximum(np.bincount(mirror), 1))[mirror]
-        return worst_tiles(error, self._rows, self._grid, 1 if (error[at] > NOISE).any() else 2)
+        return worst_tiles(error, self._rows, self._size, 1 if (error[at] > NOISE).any() else 2)
 
     def set_weight(self, points: NDArray, weight: float) -> None:
         """Says how many times the usual samples some points have got."""
         self._features[self._rows[points], WEIGHT] = weight
 
     def _on_grid(self, values: NDArray) -> Any:
-        grid = np.zeros((self._grid[0] * self._grid[1], *values.shape[1:]), values.dtype)
+        grid = np.zeros((len(self._features), *values.shape[1:]), values.dtype)
         grid[self._rows] = values
         return self._device.upload(grid)
 
     def _run(self, kernel: Any, window: int, *arrays: Any) -> None:
-        width, height = self._grid
+        width, height = self._size
         whole_groups = -(-width // 16) * 16, -(-height // 4) * 4
         sizes = np.int32(width), np.int32(height), np.int32(window)
         kernel(whole_groups, (16, 4), *sizes, np.float32(NORMAL_COSINE), self._device.upload(self._features), *arrays)
@@ -149,8 +168,9 @@ def mirror_steps(features: F32, grid: tuple[int, int]) -> tuple[F32, NDArray[np.
     steps: list[F32] = []
     for axis in (0, 1):
         a, b = (np.take(f, np.arange(k, f.shape[axis] - 1 + k), axis) for k in (0, 1))
-        is_same = (a[..., CLASS] == b[..., CLASS]) & ((a[..., 3:6] * b[..., 3:6]).sum(-1) > NORMAL_COSINE)
-        for columns, found in ((slice(3, 6), turns), (slice(6, 9), steps)):
+        is_same = a[..., CLASS] == b[..., CLASS]
+        is_same &= (a[..., NORMAL : NORMAL + 3] * b[..., NORMAL : NORMAL + 3]).sum(-1) > NORMAL_COSINE
+        for columns, found in ((slice(NORMAL, NORMAL + 3), turns), (slice(MIRROR, MIRROR + 3), steps)):
             step = np.where(is_same, np.linalg.norm(a[..., columns] - b[..., columns], axis=-1), np.inf)
             step = np.pad(step, [(int(k == axis),) * 2 for k in (0, 1)], constant_values=np.inf)
             found.append(np.minimum(*(np.take(step, np.arange(k, f.shape[axis] + k), axis) for k in (0, 1))))

@@ -2,7 +2,7 @@
 
 The light field knows the light that arrives at its elements from surfaces.  Rays of wide lobes are drawn half by
 that, so that a small bright patch of a ceiling, or a window, is found by many rays and not by chance.  The
-distribution is constant over blocks of 4 x 4 bins of the element nearest to a point.
+distribution is constant over blocks of bins of the element nearest to a point.
 
 Source: Jensen 1995, Importance Driven Path Tracing using the Photon Map.
 """
@@ -20,13 +20,13 @@ from usdslf.gpu.device import Device
 from usdslf.lights.sources import LightSet
 from usdslf.rays import thread_count
 from usdslf.sampling.blue_noise import surface_coordinates
+from usdslf.render.wide_field import BLOCK
 from usdslf.sampling.hemisphere import SIDE, D, bin_directions
 from usdslf.scene.records import F32, I32
 
 if TYPE_CHECKING:
     from usdslf.elements.elements import Elements
 
-BLOCK = 4  # bins on a side
 BLOCKS = D // BLOCK**2
 SHARE = 0.5  # of the rays that are not drawn from a specular lobe
 EVEN = 0.05  # of the guided rays, spread evenly
@@ -62,7 +62,7 @@ class LightGuide:
         n = mean_d.shape[0]
         light_d = device.empty((n, BLOCKS, 3), np.float32)
         emitted_d = device.upload(luminance(field.surface.emission))
-        kernel = device.kernel("render", "guiding_light", BLOCK=BLOCK)
+        kernel = device.kernel("guide", "guiding_light", BLOCK=BLOCK)
         size = -(-n * BLOCKS // GROUP) * GROUP
         kernel((size,), (GROUP,), np.uint32(n * BLOCKS), field.hit_d, mean_d, field.fixed_d, emitted_d, light_d)
         arrives, escapes, total = np.moveaxis(device.download(light_d), 2, 0)

@@ -18,6 +18,7 @@ from usdslf.gpu.device import Device
 from usdslf.lights.sources import dot
 from usdslf.rays import RayTracer
 from usdslf.render.guide import SHARE, LightGuide
+from usdslf.render.wide_field import BLOCK
 from usdslf.scene.records import F32, I32
 from usdslf.surfaces.surface_points import SurfacePoints
 
@@ -112,9 +113,10 @@ class Lobes:
 
     def __init__(self, device: Device, guide: LightGuide, model: str = "preview_surface") -> None:
         self._device, self._guide = device, guide
-        self._sequence = device.kernel("render", "sequence_points")
-        self._sample = device.kernel("render", "sample_lobes", PHONG=int(model == "phong"))
-        self._evaluate = device.kernel("render", "evaluate_lobes", PHONG=int(model == "phong"))
+        constants = {"BLOCK": BLOCK, "PHONG": int(model == "phong")}
+        self._sequence = device.kernel("lobes", "sequence_points", **constants)
+        self._sample = device.kernel("lobes", "sample_lobes", **constants)
+        self._evaluate = device.kernel("lobes", "evaluate_lobes", **constants)
 
     def sequence(self, index: NDArray[np.uint32], seed: int) -> F32:
         """Returns points (n, 2) of the unit square."""

@@ -1,9 +1,9 @@
 """Pictures: direct and indirect light at full texture and normal-map detail.
 
-    rays -> surfaces -> demodulated light (final_gather.py) -> filter over the tile -> colours -> pixels
+    rays -> surfaces -> demodulated light (gather.py) -> filter over the tile -> colours -> pixels
 
 Each pixel has `antialias`^2 samples.  Samples of a tile of 8 x 8 take different parts of one low-discrepancy set
-(interleaved sampling), and the filter of render.cl puts them together again where they see the same surface; what
+(interleaved sampling), and the filter of filter.cl puts them together again where they see the same surface; what
 is filtered is light without the surface's colours, so textures stay.  The picture is worked on in bands, with
 a border that the filter needs, so memory does not grow with the picture.
 
@@ -22,7 +22,7 @@ from usdslf.errors import InputError
 from usdslf.gpu.device import Device
 from usdslf.lights.sources import LightSet, brightest
 from usdslf.rays import RayTracer
-from usdslf.render.filter import NEAR_TILE, TILE, LightFilter
+from usdslf.render.filter import NEAR_TILE, TILE, LightFilter, SampleGrid
 from usdslf.render.gather import FOOTPRINT, MAX_DEPTH, Gatherer, RadianceOfHits
 from usdslf.render.lobes import ShadingPoints, reflect, shading_points
 from usdslf.scene.cameras import camera_rays, pixel_size
@@ -241,10 +241,10 @@ class _View:
         """Lights one layer of surfaces and adds it to the sums."""
         q, s = self.quality, seen.surface
         pixel = pixel_size(self.camera, seen.distance + travelled[seen.rows], self.size)
+        samples = SampleGrid(*grid, seen.rows, q.antialias, first_row)
         light_filter = LightFilter(
-            self.gatherer.device, grid, seen.rows, seen.points, s.material, pixel, self.gatherer.center, q.rays,
-            q.antialias, first_row,
-        )  # fmt: skip
+            self.gatherer.device, samples, seen.points, s.material, pixel, self.gatherer.center, q.rays
+        )
         place = light_filter.place
         light = self.gatherer.gather(seen.points, place, light_filter.near_place, q.rays, q.light_samples, self.seed)
         rest = light.exact + reflect(seen.points.colors, light.sampled) + s.emission

@@ -34,7 +34,7 @@ class WideField:
         n = field.outgoing_d.shape[0]  # mean_d: (N, blocks, 3)
         blocks = D // BLOCK**2
         self.mean_d = device.empty((n, blocks, 3), np.float32)
-        kernel = device.kernel("render", "average_bins", BLOCK=BLOCK)
+        kernel = device.kernel("wide_field", "average_bins", BLOCK=BLOCK)
         kernel((_up(n * blocks),), (GROUP,), np.uint32(n * blocks), field.outgoing_d, self.mean_d)
 
     def radiance_from_hits(
@@ -49,7 +49,7 @@ class WideField:
             return np.zeros((0, 3), np.float32), np.zeros(0, np.float32)
         links_d, weights_d = link_rays(self._device, self._tables, triangle, barycentric, direction)
         out_d = self._device.empty((n, 4), np.float32)
-        kernel = self._device.kernel("render", "follow_wide_links", BLOCK=BLOCK)
+        kernel = self._device.kernel("wide_field", "follow_wide_links", BLOCK=BLOCK)
         near = np.uint32(links_d.shape[1])
         kernel((_up(n),), (GROUP,), np.uint32(n), near, links_d, weights_d, self.mean_d, out_d)
         out = self._device.download(out_d)

@@ -1,7 +1,7 @@
 """Stylize: unsharp masking of the light field of a whole scene, as a valid reflectance of everything in it.
 
 The wanted light is L + amount (L - B), B the mean of what surrounds a place as the same far-off eye sees it
-(kernels/stylize.cl).  Light is compared in one direction of the world, not of each element's own frame: then an edge of
+(kernels/unsharp_mask.cl).  Light is compared in one direction of the world, not of each element's own frame: then an edge of
 the light field is an edge of the picture, from every view, and a highlight is compared with the surface beside it
 rather than with the same highlight on an element that is turned otherwise.  B takes in whatever lies near in space, on
 any gprim (surroundings.py).  Only reflected light counts: emission cannot change, and a lamp would blacken all around
@@ -161,7 +161,7 @@ def mask_light(field: LightField, near: Surroundings, amount: float) -> Any:
     place_d, bins_d = device.empty((n, D), np.uint16), device.empty((n, D), np.int16)
     position_d = device.upload(np.ascontiguousarray(field.elements.position, np.float32))
     directions_d = device.upload(bin_directions().astype(np.float32))
-    kernel = lambda name, *a: device.kernel("stylize", name)((D, n), (64, 1), *a)  # noqa: E731
+    kernel = lambda name, *a: device.kernel("unsharp_mask", name)((D, n), (64, 1), *a)  # noqa: E731
     light, links = (field.emission_d, field.outgoing_d), (field.hit_d, position_d, np.float32(near.radius))
     count = np.uint32(n)
     kernel("place_bins", field.frames_d, directions_d, *links, count, place_d)
@@ -173,7 +173,7 @@ def mask_light(field: LightField, near: Surroundings, amount: float) -> Any:
             asked_d.fill(np.int32(0))
             kernel("ask", place_d, number, count, asked_d)
             kernel("show", bins_d, *half, *light, *links, np.int32(hidden), count, shown_d)
-            device.kernel("stylize", "take_surroundings")(
+            device.kernel("unsharp_mask", "take_surroundings")(
                 (up64, groups), (64, 1), first_d, other_d, weight_d, shown_d, asked_d, count, detail_d
             )
             kernel("add_detail", place_d, *light, number, count, detail_d, np.float32(amount), wanted_d)
@@ -302,7 +302,7 @@ def take_misfit(field: LightField, wanted_d: Any) -> F64:
     device, n = field.device, len(field.elements)
     misfit_d = device.empty((n, 2), np.float32)
     size = -(-n // 64) * 64
-    device.kernel("stylize", "misfit")(
+    device.kernel("unsharp_mask", "misfit")(
         (size,), (64,), field.emission_d, field.outgoing_d, wanted_d, np.uint32(n), misfit_d
     )
     return np.asarray(device.download(misfit_d), np.float64)

@@ -1,4 +1,4 @@
-/* stylize.cl: unsharp masking of the surface light field.
+/* unsharp_mask.cl: unsharp masking of the surface light field.
  *
  *     M L = max(L + amount (L - B), L / (1 + amount))
  *     B(i, w) = sum_j w_ij <n_j, w>+ L(j, w) / sum_j w_ij <n_j, w>+          j: near elements, w: one direction of the world

@@ -1,0 +1,14 @@
+/* bin_blocks.cl: blocks of bins, which wide rays and the guide of rays take together.  Build constant: BLOCK, bins
+ * on the side of one. */
+#include "common.cl"
+
+#define BLOCKS_ON_SIDE (SIDE / BLOCK)
+#define BLOCK_COUNT (BLOCKS_ON_SIDE * BLOCKS_ON_SIDE) /* of an element */
+
+inline uint block_of(uint bin) { return bin / SIDE / BLOCK * BLOCKS_ON_SIDE + bin % SIDE / BLOCK; }
+
+/* the bin of column x and row y in block b */
+inline int bin_in_block(uint b, uint x, uint y)
+{
+    return (b / BLOCKS_ON_SIDE * BLOCK + y) * SIDE + b % BLOCKS_ON_SIDE * BLOCK + x;
+}
