@@ -37,7 +37,7 @@ from usdslf.lights.defaults import lights_or_default
 from usdslf.lights.sources import LightSet
 from usdslf.rays import RayTracer
 from usdslf.render.overview_camera import overview_camera
-from usdslf.render.picture import render
+from usdslf.render.picture import LitScene, PictureOptions, render
 from usdslf.report import report_of
 from usdslf.scene.difference import why_not_comparable
 from usdslf.scene.records import Camera, Light, Scene
@@ -408,10 +408,8 @@ class Session:
         camera = camera if isinstance(camera, Camera) else self.camera(camera)
         field = self.light_field
         with self._step("render"):
-            return render(
-                self.scene, camera, size, self.tracer, field, self.lights, self.device, samples, ("color", *aovs),
-                elements=self.element_count, **options,
-            )  # fmt: skip
+            lit = LitScene(self.scene, self.tracer, field, self.lights, self.device)
+            return render(lit, camera, size, ("color", *aovs), PictureOptions(samples, self.element_count, **options))
 
     def similarity(
         self, stroke: Stroke | Sequence[Stroke], camera: Camera | str | None = None,

@@ -11,7 +11,7 @@ from pxr import Gf
 
 from usdslf.gpu.device import Device
 from usdslf.rays import RayTracer
-from usdslf.render.picture import render
+from usdslf.render.picture import LitScene, PictureOptions, render
 from usdslf.scene.records import Camera, Material, Scene, constant
 
 SIZE = (36, 28)
@@ -39,4 +39,5 @@ def ground(half: float = 1.0, **kw: Any) -> Any:
 def picture(scene: Scene, camera: Camera, device: Device, light_field: Any = None, **options: Any) -> dict:
     names = options.pop("aovs", ("color",))
     size = options.pop("size", SIZE)
-    return render(scene, camera, size, RayTracer(scene), light_field, scene.lights, device, aovs=names, **options)
+    lit = LitScene(scene, RayTracer(scene), light_field, scene.lights, device)
+    return render(lit, camera, size, names, PictureOptions(**options))

@@ -25,7 +25,7 @@ from usdslf.lights.sources import LightSet
 from usdslf.rays import RayTracer
 from usdslf.render.guide import LightGuide
 from usdslf.render.lobes import Lobes, shading_points
-from usdslf.render.picture import AOVS, render
+from usdslf.render.picture import AOVS, LitScene, PictureOptions, render
 from usdslf.scene.cameras import camera_rays, project_points
 from usdslf.scene.records import Light, Material, Texture, constant
 from usdslf.surfaces.reflectance import directional_albedo, lobe_parameter
@@ -225,10 +225,9 @@ def test_where_a_hollow_body_stands_on_the_ground_all_white_is_as_bright_as_its_
     inside = (elements.mesh == 1) & (elements.side < 0)
     elements = replace(elements, diffuse=np.where(inside[:, None], np.float32(0), elements.diffuse))
     made = of_elements(device, scene, RayTracer(scene), elements, "phong")
-    aovs = render(
-        made.scene, camera_at((0, 2.6, 1.2)), (120, 90), made.tracer, made.field, made.scene.lights, device,
-        aovs=("color", "position", "mesh"), elements=500,
-    )  # fmt: skip
+    lit = LitScene(made.scene, made.tracer, made.field, made.scene.lights, device)
+    names = ("color", "position", "mesh")
+    aovs = render(lit, camera_at((0, 2.6, 1.2)), (120, 90), names, PictureOptions(elements=500))
     radius = np.linalg.norm(aovs["position"][..., ::2], axis=-1)
     foot = (aovs["mesh"][..., 0] == 0) & (radius > 0.38) & (radius < 0.56)
     light = aovs["color"][foot].mean(-1)

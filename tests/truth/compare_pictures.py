@@ -54,7 +54,7 @@ def difference_picture(picture: NDArray, truth: NDArray) -> NDArray:
 def our_picture(stage: Path, camera: str, size: tuple[int, int], samples: int, elements: int, paths: bool) -> NDArray:
     """Renders with usdslf; `paths` follows every path instead of asking the light field."""
     import usdslf
-    from usdslf.render.picture import render
+    from usdslf.render.picture import LitScene, PictureOptions, render
 
     begun = time.perf_counter()
     session = usdslf.open(str(stage), elements=elements)
@@ -64,10 +64,8 @@ def our_picture(stage: Path, camera: str, size: tuple[int, int], samples: int, e
     between = time.perf_counter()
     view = next(c for c in session.scene.cameras if c.path == camera)
     options: dict = {"footprint": np.inf, "depth": 10} if paths else {}
-    picture = render(
-        session.scene, view, size, session.tracer, light_field, session.lights, session.device, samples,
-        elements=elements, **options,
-    )["color"]  # fmt: skip
+    lit = LitScene(session.scene, session.tracer, light_field, session.lights, session.device)
+    picture = render(lit, view, size, options=PictureOptions(samples, elements, **options))["color"]
     print(f"  light field {between - begun:.1f} s, picture {time.perf_counter() - between:.1f} s")
     return picture
 

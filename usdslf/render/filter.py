@@ -89,7 +89,8 @@ class LightFilter:
         ]  # fmt: skip
         self._features = np.full((grid.count, FEATURES), -1, np.float32)
         self._features[grid.rows, :TILE_SIDE] = np.concatenate(columns, 1)
-        step, is_flat = (x[grid.rows] for x in mirror_steps(self._features, self._size))
+        step, is_flat = mirror_steps(self._features, self._size)
+        step, is_flat = step[grid.rows], is_flat[grid.rows]
         wide = np.minimum(np.where(is_flat, FLAT_SHARE, LOBE_SHARE) * points.lobes[:, 0], WIDEST)
         least = max(grid.antialias, 2 ** int(np.ceil(np.log2(SMALLEST_SET / rays) / 2)))
         # Diffuse light shares the rays of a mixture, and needs the whole tile.  On curved surfaces the window has

@@ -60,6 +60,20 @@ class Illumination:
     exact: F32  # (n, 3) reflected from lights without extent, which have no noise
 
 
+@dataclass(frozen=True)
+class _Rays:
+    """n rays on their way from points."""
+
+    origin: F32  # (n, 3)
+    geometric_normal: F32  # (n, 3) of the points
+    direction: F32  # (n, 3)
+    pdf: F32  # (n,) of the direction [1/sr]
+    lobe_pdf: F32  # (n,) the same without the guide
+    ratio: F32  # (n, sources) samples of each source for one ray
+    index: NDArray[np.uint32]  # (n,) in the sequence
+    least_pdf: F32  # (n,) of all rays of the path so far
+
+
 class Gatherer:
     """Gathers light at points of one scene."""
 
@@ -187,24 +201,25 @@ class Gatherer:
         n, share = len(p), light_samples / rays
         rays *= times
         direction, pdf, lobe_pdf, weight = self._lobes.sample(p, place * np.uint32(rays), rays, seed)
-        alive = np.flatnonzero((pdf > 0).reshape(-1))
-        point = alive // rays
-        direction, pdf = direction.reshape(-1, 3)[alive], pdf.reshape(-1)[alive]
-        lobe_pdf = lobe_pdf.reshape(-1)[alive]
+        sent_out = np.flatnonzero((pdf > 0).reshape(-1))  # of n * rays: not those below the horizon
+        point = sent_out // rays
+        direction, pdf = direction.reshape(-1, 3)[sent_out], pdf.reshape(-1)[sent_out]
+        lobe_pdf = lobe_pdf.reshape(-1)[sent_out]
         of_source = [0.0 if s.is_met_only else share for s in self.lights.sources]
-        ratio = np.broadcast_to(np.array(of_source, np.float32), (len(alive), len(of_source)))
-        order = place[point] * np.uint32(rays) + (alive % rays).astype(np.uint32)
-        lit, bounced = self._incoming(
-            p.origin[point], p.geometric_normal[point], direction, pdf, lobe_pdf, ratio, order, 1, lobe_pdf, seed
-        )
+        ratio = np.broadcast_to(np.array(of_source, np.float32), (len(sent_out), len(of_source)))
+        order = place[point] * np.uint32(rays) + (sent_out % rays).astype(np.uint32)
+        out = _Rays(
+            p.origin[point], p.geometric_normal[point], direction, pdf, lobe_pdf, ratio, order, lobe_pdf
+        )  # fmt: skip
+        lit, bounced = self._incoming(out, 1, seed)
         if self.guide.field is not None:
-            matte = weight.reshape(-1, COLUMNS)[alive, :2].sum(1)
+            matte = weight.reshape(-1, COLUMNS)[sent_out, :2].sum(1)
             level = np.where(p.guide < 0, np.inf, self.guide.arriving[p.guide])[point]
             brings = luminance(bounced) * matte
             is_too_much = (brings > RAY_MOST * level) & (lobe_pdf < SHARP_PDF)
             bounced[is_too_much] *= (RAY_MOST * level / np.maximum(brings, 1e-30))[is_too_much, None]
         met = np.zeros((n * rays, 6), np.float32)
-        met[alive, :3], met[alive, 3:] = lit, bounced
+        met[sent_out, :3], met[sent_out, 3:] = lit, bounced
         sums = np.matmul(weight.transpose(0, 2, 1), met.reshape(n, rays, 6)) / np.float32(rays)
         return sums[..., :3], sums[..., 3:]
 
@@ -277,25 +292,15 @@ class Gatherer:
 
     # ── rays ─────────────────────────────────────────────────────────────────────────────────────
 
-    def _incoming(
-        self,
-        origin: F32,
-        geometric_normal: F32,
-        direction: F32,
-        pdf: F32,
-        lobe_pdf: F32,
-        ratio: F32,
-        index: NDArray[np.uint32],
-        depth: int,
-        least_pdf: F32,
-        seed: int,
-    ) -> tuple[F32, F32]:
+    def _incoming(self, rays: _Rays, depth: int, seed: int) -> tuple[F32, F32]:
         """Returns the radiance that arrives along rays: from lights (n, 3) and from surfaces (n, 3)."""
-        below = dot(geometric_normal, direction)
+        lobe_pdf, least_pdf = rays.lobe_pdf, rays.least_pdf
+        below = dot(rays.geometric_normal, rays.direction)
         mirrored = below < 0  # seen by the shading normal only: folded up, else bumps would be black
-        direction = np.where(mirrored[:, None], direction - 2 * below[:, None] * geometric_normal, direction)
-        met = self.tracer.intersect(origin, direction)
-        lit = self._lights_met(origin, direction, pdf, ratio, met, mirrored)
+        up = rays.direction - 2 * below[:, None] * rays.geometric_normal
+        direction = np.where(mirrored[:, None], up, rays.direction)
+        met = self.tracer.intersect(rays.origin, direction)
+        lit = self._lights_met(rays.origin, direction, rays.pdf, rays.ratio, met, mirrored)
         bounced = np.zeros_like(lit)
         rows = np.flatnonzero(met.triangle >= 0)
         if not len(rows):
@@ -324,7 +329,7 @@ class Gatherer:
                 rougher = np.maximum(surface.roughness, CAUSTIC_ROUGHNESS)
                 surface = replace(surface, roughness=np.where(wide, rougher, surface.roughness))
             q = shading_points(surface, -d[at], self.tracer, model=self.model)
-            out = self._outgoing(q, index[rows[at]], depth, least_pdf[rows[at]], seed)
+            out = self._outgoing(q, rays.index[rows[at]], depth, least_pdf[rows[at]], seed)
             # a ray is stopped here with the probability `opacity`; what is reflected is not scaled by that
             bounced[rows[at]] = out * (surface.presence / np.maximum(surface.opacity, 0.05))[:, None]
         return lit, bounced
@@ -376,9 +381,9 @@ class Gatherer:
         rows = np.flatnonzero(pdf > 0)
         q, density = p[rows], pdf[rows]
         least = np.minimum(least_pdf[rows], density)
-        shone, bounced = self._incoming(
-            *(q.origin, q.geometric_normal, direction[rows], density, density),
-            *(chances[rows], index[rows], depth + 1, least, seed),
-        )
+        onwards = _Rays(
+            q.origin, q.geometric_normal, direction[rows], density, density, chances[rows], index[rows], least
+        )  # fmt: skip
+        shone, bounced = self._incoming(onwards, depth + 1, seed)
         out[rows] += reflect(q.colors, weight[rows][:, :, None] * (shone + bounced)[:, None])
         return out

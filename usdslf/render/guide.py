@@ -19,8 +19,8 @@ from usdslf.color import luminance
 from usdslf.gpu.device import Device
 from usdslf.lights.sources import LightSet
 from usdslf.rays import thread_count
-from usdslf.sampling.blue_noise import surface_coordinates
 from usdslf.render.wide_field import BLOCK
+from usdslf.sampling.blue_noise import surface_coordinates
 from usdslf.sampling.hemisphere import SIDE, D, bin_directions
 from usdslf.scene.records import F32, I32
 

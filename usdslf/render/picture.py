@@ -57,61 +57,55 @@ class Quality:
         return Quality(antialias, rays, rays)
 
 
+@dataclass(frozen=True)
+class LitScene:
+    """A scene with all that lights it."""
+
+    scene: Scene
+    tracer: RayTracer
+    light_field: RadianceOfHits | None  # radiance of surfaces met by gathered rays; None: black
+    lights: Sequence[Light]  # the scene's, or the default ones
+    device: Device
+
+
+@dataclass(frozen=True)
+class PictureOptions:
+    """What is not the same for all pictures."""
+
+    samples: int = 16  # gathered rays a pixel
+    elements: int = 10000  # of the light field
+    element_area: float | None = None  # mean, of these [stage units squared]; None: the scene's area over `elements`
+    hide_lights: bool = False  # lights are not seen by the camera (nor is the dome)
+    depth: int = MAX_DEPTH  # see `Gatherer`
+    footprint: float = FOOTPRINT  # see `Gatherer`
+    seed: int = 0
+
+
+USUAL = PictureOptions()
+
+
 def render(
-    scene: Scene,
-    camera: Camera,
-    size: tuple[int, int],
-    tracer: RayTracer,
-    light_field: RadianceOfHits | None,
-    lights: Sequence[Light],
-    device: Device,
-    samples: int = 16,
-    aovs: Sequence[str] = ("color",),
-    element_area: float | None = None,
-    elements: int = 10000,
-    hide_lights: bool = False,
-    depth: int = MAX_DEPTH,
-    footprint: float = FOOTPRINT,
-    seed: int = 0,
-) -> dict[str, F32]:
+    lit: LitScene, camera: Camera, size: tuple[int, int], aovs: Sequence[str] = ("color",),
+    options: PictureOptions = USUAL,
+) -> dict[str, F32]:  # fmt: skip
     """Renders a picture.
 
     Args:
         size: width and height [pixels].
-        light_field: radiance of surfaces met by gathered rays; None: black.
-        lights: the scene's, or the default ones.
-        samples: gathered rays a pixel.
         aovs: names of AOVS.
-        element_area: of the light field's elements; default: the scene's area over `elements`.
-        hide_lights: lights are not seen by the camera (nor is the dome).
-        depth, footprint: see `Gatherer`.
 
-    Returns: name -> (height, width, channels).
+    Returns: name -> (height, width, channels), float32; `color` is always among them.
+
+    Raises: InputError for a size, a number of samples or an AOV that cannot be.
     """
-    *_, (_, pictures) = render_bands(
-        scene, camera, size, tracer, light_field, lights, device, samples, aovs, element_area, elements,
-        hide_lights, depth, footprint, seed,
-    )  # fmt: skip
+    *_, (_, pictures) = render_bands(lit, camera, size, aovs, options)
     return pictures
 
 
 def render_bands(
-    scene: Scene,
-    camera: Camera,
-    size: tuple[int, int],
-    tracer: RayTracer,
-    light_field: RadianceOfHits | None,
-    lights: Sequence[Light],
-    device: Device,
-    samples: int = 16,
-    aovs: Sequence[str] = ("color",),
-    element_area: float | None = None,
-    elements: int = 10000,
-    hide_lights: bool = False,
-    depth: int = MAX_DEPTH,
-    footprint: float = FOOTPRINT,
-    seed: int = 0,
-) -> Iterator[tuple[float, dict[str, F32]]]:
+    lit: LitScene, camera: Camera, size: tuple[int, int], aovs: Sequence[str] = ("color",),
+    options: PictureOptions = USUAL,
+) -> Iterator[tuple[float, dict[str, F32]]]:  # fmt: skip
     """As `render`, but yields after each band: the share that is done and the pictures so far."""
     width, height = size
     if width < 1 or height < 1:
@@ -119,11 +113,14 @@ def render_bands(
     unknown = [a for a in aovs if a not in AOVS]
     if unknown:
         raise InputError(f"unknown AOV '{unknown[0]}'; choose from {', '.join(AOVS)}")
-    if element_area is None:
-        element_area = float(scene.triangles.areas.sum()) / max(elements, 1)
-    light_set = LightSet(scene, lights)
-    gatherer = Gatherer(scene, tracer, light_set, light_field, device, element_area, depth, footprint)
-    view = _View(scene, camera, size, Quality.of(samples), gatherer, hide_lights, seed)
+    area = options.element_area
+    if area is None:
+        area = float(lit.scene.triangles.areas.sum()) / max(options.elements, 1)
+    gatherer = Gatherer(
+        lit.scene, lit.tracer, LightSet(lit.scene, lit.lights), lit.light_field, lit.device, area, options.depth,
+        options.footprint,
+    )  # fmt: skip
+    view = _View(camera, size, Quality.of(options.samples), gatherer, options.hide_lights, options.seed)
     out = {name: np.zeros((height, width, AOVS[name]), np.float32) for name in dict.fromkeys(("color", *aovs))}
     rows = view.rows_of_band()
     for first in range(0, height, rows):
@@ -147,17 +144,11 @@ class _View:
     """One picture in the making."""
 
     def __init__(
-        self,
-        scene: Scene,
-        camera: Camera,
-        size: tuple[int, int],
-        quality: Quality,
-        gatherer: Gatherer,
-        hide_lights: bool,
-        seed: int,
+        self, camera: Camera, size: tuple[int, int], quality: Quality, gatherer: Gatherer, hide_lights: bool, seed: int
     ) -> None:
-        self.scene, self.camera, self.size, self.quality = scene, camera, size, quality
-        self.gatherer, self.tracer, self.hide_lights, self.seed = gatherer, gatherer.tracer, hide_lights, seed
+        self.camera, self.size, self.quality = camera, size, quality
+        self.gatherer, self.scene, self.tracer = gatherer, gatherer.scene, gatherer.tracer
+        self.hide_lights, self.seed = hide_lights, seed
 
     def rows_of_band(self) -> int:
         """Rows of pixels in a band."""
