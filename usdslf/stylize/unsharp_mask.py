@@ -3,11 +3,12 @@
 The wanted light is L + amount (L - B), B the mean of what surrounds a place as the same far-off eye sees it
 (kernels/unsharp_mask.cl).  Light is compared in one direction of the world, not of each element's own frame: then an
 edge of the light field is an edge of the picture, from every view, and a highlight is compared with the surface
-beside it rather than with the same highlight on an element that is turned otherwise.  B takes in whatever lies near in space, on
-any gprim (surroundings.py).  Only reflected light counts: emission cannot change, and a lamp would blacken all around
-it.  Each element is then given the reflectance that explains what is wanted there best (element_solve.py): noise does
-not move all its parameters, for more of them cost more, and what light hardly shows stays as it is, for a price that
-grows with the change; a metal stays one.  The light goes round, and it is asked again under the new light.
+beside it rather than with the same highlight on an element that is turned otherwise.  B takes in whatever lies near
+in space, on any gprim (surroundings.py).  Only reflected light counts: emission cannot change, and a lamp would
+blacken all around it.  Each element is then given the reflectance that explains what is wanted there best
+(element_solve.py): noise does not move all its parameters, for more of them cost more, and what light hardly shows
+stays as it is, for a price that grows with the change; a metal stays one.  The light goes round, and it is asked
+again under the new light.
 
 Source: Nguyen et al. 2013, 7 and figure 22; Ritschel et al. 2008, 3D unsharp masking.
 """
