@@ -13,6 +13,7 @@ import click
 
 import usdslf
 from usdslf.cli.commands.bench import bench
+from usdslf.cli.commands.cache import cache
 from usdslf.cli.commands.demo import demo
 from usdslf.cli.commands.doctor import doctor
 from usdslf.cli.commands.info import info
@@ -22,6 +23,7 @@ from usdslf.cli.commands.solve import solve
 from usdslf.cli.commands.stroke import stroke
 from usdslf.cli.commands.stylize import stylize
 from usdslf.cli.program import Program, Settings
+from usdslf.cli.terminal import log_as_warnings
 from usdslf.errors import InputError, UsdslfError
 
 
@@ -31,7 +33,7 @@ def program() -> None:
     """Paint how a surface should look; get the material change that explains it, as a USD layer."""
 
 
-for command in (info, review, render, stroke, solve, stylize, demo, bench, doctor):
+for command in (info, review, render, stroke, solve, stylize, demo, bench, doctor, cache):
     program.add_command(command)
 
 
@@ -39,7 +41,8 @@ def main(arguments: list[str] | None = None) -> int:
     """Runs the program and returns its exit code."""
     options = Settings()
     try:
-        code = program.main(args=arguments, prog_name="usdslf", standalone_mode=False, obj=options)
+        with log_as_warnings(lambda: options.quiet):
+            code = program.main(args=arguments, prog_name="usdslf", standalone_mode=False, obj=options)
         return code if isinstance(code, int) else 0
     except click.exceptions.Abort:
         return _say("interrupted", 130)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import logging
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
@@ -26,6 +27,22 @@ def progress(quiet: bool) -> Iterator[Say]:
     with Progress(*columns, TimeElapsedColumn(), console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task("", total=1.0)
         yield lambda step, share: bar.update(task, description=step, completed=min(share, 1.0))
+
+
+@contextmanager
+def log_as_warnings(is_quiet: Callable[[], bool]) -> Iterator[None]:
+    """Says what the package's log has to warn of as warnings, on stderr."""
+
+    class Heard(logging.Handler):
+        def emit(self, record: logging.LogRecord) -> None:
+            warn([record.getMessage()], is_quiet())
+
+    log, handler = logging.getLogger("usdslf"), Heard(logging.WARNING)
+    log.addHandler(handler)
+    try:
+        yield
+    finally:
+        log.removeHandler(handler)
 
 
 def talk(text: str, quiet: bool) -> None:

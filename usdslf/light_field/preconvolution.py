@@ -3,28 +3,23 @@
 The exact matrices are the same for every element, since they depend on the local frame alone.  Sharp levels
 keep the largest weights of each row; from roughness 0.45 on, bins are averaged two by two on both sides.  Both
 are scaled to the exact albedo of their row, so a white furnace stays white.  Errors of both against the
-exact matrices are measured in tests/test_preconvolution.py.
+exact matrices are measured in tests/light_field/test_preconvolution.py.
 
 Source: Nguyen et al. 2013, 6.2 (whose box-filtered MIP maps are 10 to 15 % off at middle roughness).
 """
 
 from __future__ import annotations
 
-import hashlib
-import os
-import zipfile
+import functools
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from usdslf.errors import UsdslfError
+from usdslf import cache
 from usdslf.gpu.device import Device
 from usdslf.gpu.source import kernel_source
-from usdslf.replacing import replacing
 from usdslf.sampling.hemisphere import SIDE, D, bin_directions
 from usdslf.surfaces.reflectance import directional_albedo, lobe_parameter
 
@@ -61,7 +56,7 @@ def coarse_of_bin() -> NDArray[np.int64]:
     return (y // 2) * (SIDE // 2) + x // 2
 
 
-@cache
+@functools.cache
 def _symmetry(side: int) -> tuple[NDArray, NDArray, NDArray]:
     """The eight symmetries of the square, which are symmetries of K.
 
@@ -99,15 +94,7 @@ def integrate_rows(device: Device, model: str, roughness: float, rows: NDArray, 
 
 def build_level(device: Device, model: str, roughness: float) -> LevelKernel:
     """Builds the weights of one level, or reads them from the user's cache."""
-    return _cached(_key("level", model, roughness), lambda: _compute_level(device, model, roughness))
-
-
-def _key(what: str, model: str, roughness: float) -> str:
-    """Names weights by all that they are computed from: the kernel's text, this code's version, the parameters."""
-    code = hashlib.sha256(kernel_source("preconvolution").encode())
-    code.update(f"version {WEIGHTS_VERSION} ".encode())
-    code.update(f"{what}{model}{roughness:.6f}".encode())
-    return f"{what}-{code.hexdigest()[:24]}"
+    return _cached("level", model, roughness, lambda: _compute_level(device, model, roughness))
 
 
 def _compute_level(device: Device, model: str, roughness: float) -> LevelKernel:
@@ -161,7 +148,7 @@ def fresnel_diffuse(device: Device, model: str) -> tuple[NDArray[np.float32], ND
         scale = _fine_scale(exact[row_of_bin], coarse)
         return LevelKernel(coarse, coarse, fine_scale=np.stack([scale, scale], 1))
 
-    kernel = _cached(_key("fresnel", model, 1.0), compute)
+    kernel = _cached("fresnel", model, 1.0, compute)
     assert kernel.fine_scale is not None
     return kernel.a, np.ascontiguousarray(kernel.fine_scale[:, 0])
 
@@ -178,34 +165,11 @@ def _coarsen(matrix: NDArray) -> NDArray:
     return blocks.sum((5, 7)).mean((1, 3)).reshape(h * h, h * h)
 
 
-def _cached(name: str, compute: Callable[[], LevelKernel]) -> LevelKernel:
-    file = _cache_folder() / f"{name}.npz"
-    kernel = _read_cache(file)
-    if kernel is None:
-        kernel = compute()
-        _write_cache(file, kernel)
-    return kernel
+def _cached(what: str, model: str, roughness: float, compute: Callable[[], LevelKernel]) -> LevelKernel:
+    """Weights from the user's cache, named by the kernel's text, this code's version and the parameters."""
+    name = cache.address(what, WEIGHTS_VERSION, kernel_source("preconvolution"), model, f"{roughness:.6f}")
 
+    def arrays() -> dict[str, NDArray]:
+        return {key: value for key, value in vars(compute()).items() if value is not None}
 
-def _cache_folder() -> Path:
-    root = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
-    return Path(root) / "usdslf"
-
-
-def _read_cache(file: Path) -> LevelKernel | None:
-    try:
-        with file.open("rb") as stream, np.load(stream) as z:
-            return LevelKernel(**{name: z[name] for name in z.files})
-    except (OSError, ValueError, TypeError, EOFError, zipfile.BadZipFile):
-        return None
-
-
-def _write_cache(file: Path, level: LevelKernel) -> None:
-    """Keeps the weights for the next run; a cache that cannot be written is no error."""
-    arrays = {name: value for name, value in vars(level).items() if value is not None}
-    try:
-        file.parent.mkdir(parents=True, exist_ok=True)
-        with replacing(file) as temporary:
-            np.savez(temporary, **arrays)
-    except (OSError, UsdslfError):
-        pass
+    return LevelKernel(**cache.arrays(name, arrays))
