@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import OpenImageIO as oiio
 import pytest
+from kit.scene_records import make_mesh, make_scene
 from numpy.testing import assert_allclose, assert_array_equal
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
@@ -15,7 +17,7 @@ from scipy.ndimage import gaussian_filter
 from usdslf.color import USD_DEFAULT_SPACE, Color
 from usdslf.edits.baked_texture import Baked, bake_texture, plain_texture
 from usdslf.errors import AuthorError
-from usdslf.scene.records import Material, Mesh, Scene, Texture
+from usdslf.scene.records import Material, Scene, Texture
 from usdslf.textures.images import load_texture, sample_texture, write_image
 from usdslf.textures.rasterize import texel_points
 
@@ -28,16 +30,8 @@ def squares(*charts: NDArray, material: Material) -> Scene:
     positions = np.concatenate([np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]) + np.array([2 * i, 0, 0])
                                 for i in range(len(charts))]).astype(np.float32)  # fmt: skip
     triangles = np.concatenate([np.array([[0, 1, 2], [0, 2, 3]]) + 4 * i for i in range(len(charts))])
-    n = len(triangles)
-    mesh = Mesh(
-        path="/row", positions=positions, triangles=triangles.astype(np.int32),
-        corner_normals=np.tile(np.float32([0, 0, 1]), (n, 3, 1)),
-        face_of_triangle=np.repeat(np.arange(len(charts)), 2).astype(np.int32),
-        triangle_in_face=np.tile([0, 1], len(charts)).astype(np.int32),
-        material_of_triangle=np.zeros(n, np.int32),
-        uvs={"st": np.concatenate(charts)[triangles].astype(np.float32)},
-    )  # fmt: skip
-    return Scene("test", float("nan"), (mesh,), (material,), (), ())
+    st = {"st": np.concatenate(charts)[triangles].astype(np.float32)}
+    return make_scene(replace(make_mesh(positions, triangles, path="/row"), uvs=st), materials=[material])
 
 
 def texture_of(path: Path, **more: Any) -> Texture:

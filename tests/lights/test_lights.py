@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from kit.scene_records import make_mesh
 from reference import lights as ref
 
 from usdslf.color import USD_DEFAULT_SPACE
@@ -567,24 +568,15 @@ def test_a_sun_in_the_dome_is_exact_for_every_element_and_hidden_by_what_is_in_i
     board = np.array(
         [2 * towards + 0.2 * (a * side + b * up) for a, b in ((-1, -1), (1, -1), (0, 1.5))], np.float32
     )
-    tracer = RayTracer(scene_of((mesh_of(board, [[0, 1, 2]]),)))
+    tracer = RayTracer(scene_of((make_mesh(board, [[0, 1, 2]]),)))
     shadowed = irradiance(static_light(elements, tracer, (Dome(dome, pixels),)).diffuse)[:, 0]
     np.testing.assert_allclose(shadowed, 0.1 * np.pi, rtol=0.1)
-
-
-def mesh_of(positions: np.ndarray, triangles: list) -> Mesh:
-    t = np.array(triangles, np.int32)
-    p = np.asarray(positions, np.float32)
-    n = np.cross(p[t[:, 1]] - p[t[:, 0]], p[t[:, 2]] - p[t[:, 0]])
-    n /= np.linalg.norm(n, axis=1, keepdims=True)
-    zeros = np.zeros(len(t), np.int32)
-    return Mesh("/m", p, t, np.repeat(n[:, None], 3, 1), zeros, zeros, zeros)
 
 
 def test_a_half_hidden_light_gives_the_irradiance_of_the_visible_half() -> None:
     """A wall at x < 0 halfway to the light hides the part of it that lies behind, seen from each element."""
     light = replace(light_of("rect", at=(0, 0, 2)), width=1.0, height=1.0, radiance=(1.0, 1.0, 1.0))
-    wall = mesh_of([[-9, -9, 1], [0, -9, 1], [0, 9, 1], [-9, 9, 1]], [[0, 1, 2], [0, 2, 3]])
+    wall = make_mesh([[-9, -9, 1], [0, -9, 1], [0, 9, 1], [-9, 9, 1]], [[0, 1, 2], [0, 2, 3]])
     tracer = RayTracer(scene_of((wall,)))
     x = np.repeat([-0.3, -0.1, 0.0, 0.2, 0.45, 0.8, -0.8], 30)
     points = np.stack([x, 0 * x, 0 * x], 1)

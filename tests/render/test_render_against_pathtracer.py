@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from kit.render_stages import relative_error
-from kit.scenes import CAMERA, SCENES, SIZE
+from kit.lit_stages import CAMERA, SCENES, SIZE
+from kit.picture_errors import relative_error
 
 import usdslf
 

@@ -6,35 +6,22 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from kit.scene_records import make_mesh, make_scene, quad
 from numpy.testing import assert_allclose
 
 from usdslf.errors import StrokeError
 from usdslf.geometry.closest_point import nearest_on_triangles
 from usdslf.rays import RayTracer
 from usdslf.scene.cameras import project_points
-from usdslf.scene.records import Camera, Material, Mesh, Scene
+from usdslf.scene.records import Camera, Mesh, Scene
 from usdslf.strokes.anchors import locate_stroke, painted_faces
 from usdslf.strokes.paint import paint_stroke, sample_picture
 from usdslf.strokes.stroke import Stroke, dab_rows, validate_stroke
 
-QUAD = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], np.float32)
-
 
 def quad_mesh(path: str, offset: tuple[float, float, float] = (0, 0, 0), scale: float = 1) -> Mesh:
     """A square of one face and two triangles, facing +Z."""
-    return Mesh(
-        path=path,
-        positions=(QUAD * scale + np.asarray(offset)).astype(np.float32),
-        triangles=np.array([[0, 1, 2], [0, 2, 3]], np.int32),
-        corner_normals=np.broadcast_to(np.float32([0, 0, 1]), (2, 3, 3)).copy(),
-        face_of_triangle=np.zeros(2, np.int32),
-        triangle_in_face=np.array([0, 1], np.int32),
-        material_of_triangle=np.zeros(2, np.int32),
-    )
-
-
-def make_scene(*meshes: Mesh) -> Scene:
-    return Scene("test.usda", float("nan"), meshes, (Material("/m"),), (), ())
+    return quad(np.array(offset) - [scale, scale, 0], (2 * scale, 0, 0), (0, 2 * scale, 0), path=path)
 
 
 def make_camera(distance: float = 4.0, perspective: bool = True) -> Camera:
@@ -159,7 +146,7 @@ def test_points_off_every_surface_are_left_out_with_a_word() -> None:
 def test_a_stroke_of_another_stage_is_refused() -> None:
     stroke = paint(make_scene(quad_mesh("/a")), [[(0.5, 0.5)]])
     with pytest.raises(StrokeError, match=r"/a, which test\.usda does not show"):
-        locate_stroke(make_scene(quad_mesh("/other")), stroke)
+        locate_stroke(replace(make_scene(quad_mesh("/other")), stage="test.usda"), stroke)
 
 
 def test_a_path_off_every_surface_is_refused() -> None:
@@ -249,16 +236,7 @@ def grid_mesh(path: str, n: int, z: float = 0, flip: bool = False) -> Mesh:
     first = 4 * np.arange(n * n)[:, None]
     triangles = np.concatenate([first + np.array([0, 1, 2]), first + np.array([0, 2, 3])], 1).reshape(-1, 3)
     triangles = triangles[:, ::-1] if flip else triangles
-    normal = np.float32([0, 0, -1 if flip else 1])
-    return Mesh(
-        path=path,
-        positions=corners.reshape(-1, 3),
-        triangles=triangles.astype(np.int32),
-        corner_normals=np.broadcast_to(normal, (2 * n * n, 3, 3)).copy(),
-        face_of_triangle=np.repeat(np.arange(n * n, dtype=np.int32), 2),
-        triangle_in_face=np.tile(np.array([0, 1], np.int32), n * n),
-        material_of_triangle=np.zeros(2 * n * n, np.int32),
-    )
+    return make_mesh(corners.reshape(-1, 3), triangles, path=path)
 
 
 def test_painted_faces_are_those_that_the_brush_touches() -> None:

@@ -1,4 +1,4 @@
-"""Holds the renderer against the path tracer on the stages of render_stages.py, or on any stage.
+"""Holds the renderer against the path tracer on the stages of kit/lit_stages.py, or on any stage.
 
     python tests/truth/compare_pictures.py OUT [NAME ...] [--stage FILE --camera PRIM] [--width W] [--height H]
                                      [--samples N] [--spp N] [--elements N] [--paths]
@@ -18,7 +18,8 @@ from pathlib import Path
 sys.path[:0] = [str(Path(__file__).resolve().parents[1]), str(Path(__file__).resolve().parent)]
 
 import numpy as np  # noqa: E402
-from kit.render_stages import CAMERA, STAGES, error_map  # noqa: E402
+from kit.lit_stages import CAMERA, SCENES  # noqa: E402
+from kit.picture_errors import error_map  # noqa: E402
 from numpy.typing import NDArray  # noqa: E402
 
 
@@ -84,15 +85,15 @@ def main() -> None:
     parser.add_argument("--paths", action="store_true")
     a = parser.parse_args()
     size = a.width, a.height
-    for name in ["stage"] if a.stage else a.names or list(STAGES):
+    for name in ["stage"] if a.stage else a.names or list(SCENES):
         folder = a.out / name
         folder.mkdir(parents=True, exist_ok=True)
         stage, limit = a.stage, 0.08
         if stage is None:
-            build, limit = STAGES[name]
+            limit = SCENES[name].tolerance
             stage = folder / "stage.usda"
             if not stage.exists():
-                build(folder)
+                SCENES[name].write(folder)
         print(name)
         truth = truth_of(stage, a.camera, size, a.spp, folder / f"truth_{a.width}x{a.height}_{a.spp}.npy")
         picture = our_picture(stage, a.camera, size, a.samples, a.elements, a.paths)

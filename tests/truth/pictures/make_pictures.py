@@ -1,4 +1,4 @@
-"""Renders the lit stages of tests/kit/scenes.py with the path tracer, into NAME.npz beside this file.
+"""Renders the lit stages of tests/kit/lit_stages.py with the path tracer, into NAME.npz beside this file.
 
     python tests/truth/pictures/make_pictures.py [NAME ...] [--spp N]
 
@@ -16,7 +16,7 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 import numpy as np
-from kit.scenes import CAMERA, SCENES, SIZE
+from kit.lit_stages import CAMERA, SCENES, SIZE
 from reference.pathtracer import Tracer
 
 HERE = Path(__file__).resolve().parent
