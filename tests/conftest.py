@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from usdslf.gpu.device import Device
 
 ASSETS = Path(__file__).resolve().parents[2] / "shared/assets"
+INPUTS = ASSETS.parent / "inputs"  # small stages that once failed
 _left_out = pytest.StashKey[int]()
 
 
@@ -32,9 +33,12 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    if ASSETS.is_dir() or _assets_required():
+    if _assets_required():
         return
-    without = [item for item in items if "assets" in getattr(item, "fixturenames", ())]
+    missing = {name for name, folder in (("assets", ASSETS), ("inputs", INPUTS)) if not folder.is_dir()}
+    without = [item for item in items if missing & set(getattr(item, "fixturenames", ()))]
+    if not without:
+        return
     config.stash[_left_out] = len(without)
     config.hook.pytest_deselected(items=without)
     items[:] = [item for item in items if item not in without]
@@ -62,6 +66,14 @@ def assets() -> Path:
     if not ASSETS.is_dir():
         pytest.fail(f"the folder of real stages {ASSETS} is missing (CI or USDSLF_REQUIRE_ASSETS is set)")
     return ASSETS
+
+
+@pytest.fixture(scope="session")
+def inputs() -> Path:
+    """The folder of small stages that once failed."""
+    if not INPUTS.is_dir():
+        pytest.fail(f"the folder of stages {INPUTS} is missing (CI or USDSLF_REQUIRE_ASSETS is set)")
+    return INPUTS
 
 
 @pytest.fixture(scope="session")

@@ -28,6 +28,8 @@ def save(path: Path, pixels: np.ndarray, format: str = "uint8") -> str:
     pixels = np.atleast_3d(pixels)
     spec = oiio.ImageSpec(pixels.shape[1], pixels.shape[0], pixels.shape[2], format)
     spec.attribute("oiio:UnassociatedAlpha", 1)
+    if format == "uint16":
+        spec.attribute("oiio:ColorSpace", "lin_rec709_scene")
     out = oiio.ImageOutput.create(str(path))
     assert out.open(str(path), spec)
     assert out.write_image(pixels)

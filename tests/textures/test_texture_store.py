@@ -36,6 +36,8 @@ def save(path: Path, pixels: np.ndarray, format: str, tile: int = 0) -> str:
     spec = oiio.ImageSpec(pixels.shape[1], pixels.shape[0], pixels.shape[2], format)
     spec.tile_width = spec.tile_height = tile
     spec.attribute("oiio:UnassociatedAlpha", 1)
+    if format == "uint16":
+        spec.attribute("oiio:ColorSpace", "lin_rec709_scene")
     if path.suffix == ".exr":
         spec.attribute("compression", "rle")
     out = oiio.ImageOutput.create(str(path))

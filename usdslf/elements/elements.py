@@ -265,6 +265,8 @@ def _living_candidates(
     parts = len(number) // 2
     normal = np.where((group < parts)[:, None], points.geometric_normal, -points.geometric_normal)
     there = points.presence > 0  # no holes of cut-outs
+    if not there.any():
+        there[:] = True  # all is cut out: elements that no ray meets
     alive = there.copy()
     ask = np.flatnonzero(there & doubtful[group])
     alive[ask] = find_living_points(scene, tracer, triangle[ask], points.position[ask], normal[ask], rng, rounds)

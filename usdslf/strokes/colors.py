@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from usdslf.color import color_of
 from usdslf.scene.records import F32, Scene
-from usdslf.textures.images import read_image
+from usdslf.textures.images import read_image, what_was_taken
 
 DISPLAY_LIMIT = 16.0
 """Most that a colour of the display may stand for [scene-linear]: display white itself would be 128."""
@@ -37,6 +37,8 @@ def paint_image(path: str, space: str | None, scene: Scene, warnings: list[str])
         space: as for `paint_color`; None: as the file says (8 bit pictures are taken for sRGB).
     """
     converter = color_of(scene.ocio or None, scene.working_space)
+    known = "raw" if space == "display" else space or "auto"
+    warnings += [f"image {path}: {words}" for words in what_was_taken(path, known)]
     if space == "display":
         return _from_display(read_image(path, "raw", converter)[..., :3], scene, warnings)
     return read_image(path, space or "auto", converter)[..., :3]

@@ -67,18 +67,21 @@ def is_tiled(spec: oiio.ImageSpec) -> bool:
     return 0 < spec.tile_width <= _MAX_TILE and 0 < spec.tile_height <= _MAX_TILE
 
 
-def bands(image: oiio.ImageInput, channels: int, format: str | None = None) -> Iterator[tuple[int, NDArray]]:
-    """Yields (first row, pixels (rows, W, channels)) from the top down: codes where they have 8 bits.
+def bands(
+    image: oiio.ImageInput, channels: tuple[int, ...], format: str | None = None
+) -> Iterator[tuple[int, NDArray]]:
+    """Yields (first row, pixels (rows, W, C)) from the top down: codes where they have 8 bits.
 
     Args:
         image: open.
-        channels: how many are read.
+        channels: which are read, C of them.
         format: of OpenImageIO; None: 8 bit codes as they are, all else float.
 
     Raises:
         OSError: the pixels cannot be read.
     """
     spec = image.spec()
+    first, last = min(channels), max(channels) + 1
     kind = format or ("uint8" if is_eight_bit(spec) else "float")
     height = -(-_BAND // spec.tile_height) * spec.tile_height if spec.tile_height else _BAND
     for top in range(0, spec.height, height):
@@ -86,12 +89,20 @@ def bands(image: oiio.ImageInput, channels: int, format: str | None = None) -> I
         y0, y1 = spec.y + top, spec.y + top + rows
         if spec.tile_width:
             x0, x1 = spec.x, spec.x + spec.width
-            pixels = image.read_tiles(0, 0, x0, x1, y0, y1, spec.z, spec.z + 1, 0, channels, kind)
+            pixels = image.read_tiles(0, 0, x0, x1, y0, y1, spec.z, spec.z + 1, first, last, kind)
         else:
-            pixels = image.read_scanlines(0, 0, y0, y1, spec.z, 0, channels, kind)
+            pixels = image.read_scanlines(0, 0, y0, y1, spec.z, first, last, kind)
         if pixels is None or image.has_error:
             raise OSError(" ".join(str(image.geterror()).split()) or "the pixels cannot be read")
-        yield top, np.asarray(pixels).reshape(rows, spec.width, channels)
+        block = np.asarray(pixels).reshape(rows, spec.width, last - first)
+        yield top, picked(block, tuple(c - first for c in channels))
+
+
+def picked(pixels: NDArray, channels: tuple[int, ...]) -> NDArray:
+    """Returns some channels (..., C) of pixels, the same array where that is all of them."""
+    if channels == tuple(range(pixels.shape[-1])):
+        return pixels
+    return np.ascontiguousarray(pixels[..., list(channels)])
 
 
 def check_corners(image: oiio.ImageInput) -> None:
@@ -108,7 +119,7 @@ def check_corners(image: oiio.ImageInput) -> None:
             raise OSError(" ".join(str(image.geterror()).split()) or "its tiles cannot be read")
 
 
-def write_tiled_copy(image: oiio.ImageInput, channels: int) -> tuple[str, int]:
+def write_tiled_copy(image: oiio.ImageInput, channels: tuple[int, ...]) -> tuple[str, int]:
     """Writes the pixels of an open image as they are into an uncompressed tiled file, a band at a time.
 
     Returns:
@@ -123,7 +134,7 @@ def write_tiled_copy(image: oiio.ImageInput, channels: int) -> tuple[str, int]:
     kind = kind if is_code or kind == "half" else "float"
     handle, target = tempfile.mkstemp(".tif" if is_code else ".exr", "texture_", folder())
     os.close(handle)
-    copy = oiio.ImageSpec(spec.width, spec.height, channels, kind)
+    copy = oiio.ImageSpec(spec.width, spec.height, len(channels), kind)
     copy.tile_width = copy.tile_height = TILE
     copy.attribute("compression", "none")
     copy.attribute("oiio:UnassociatedAlpha", 1)

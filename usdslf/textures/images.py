@@ -17,7 +17,8 @@ from usdslf.color import USD_DEFAULT_SPACE, Color, color_of
 from usdslf.errors import InputError
 from usdslf.replacing import replacing
 from usdslf.scene.records import F32, LightTexture, Texture
-from usdslf.textures.files import open_image
+from usdslf.textures.declared import space_of, words_of_channels
+from usdslf.textures.files import file_of, open_image
 from usdslf.textures.store import Image, load_image, read_whole, say_damaged
 from usdslf.textures.texels import EDGE, WRAPS, Texels, bilinear, four_channels, st_of_format
 
@@ -72,6 +73,28 @@ def unreadable(texture: Texture, color: Color) -> list[tuple[str, str]]:
         except OSError as e:
             found.append((path, str(e)))
     return found
+
+
+def what_was_taken(path: str, color_space: str) -> list[str]:
+    """Returns in words what of an image was taken, and as what, where a reader may expect something else."""
+    try:
+        image = open_image(path)
+    except OSError:
+        return []
+    spec = image.spec()
+    said = [words_of_channels(spec), space_of(color_space, spec, file_of(path))[1]]
+    image.close()
+    return [s for s in said if s]
+
+
+def remarks(texture: Texture, color: Color) -> list[str]:
+    """Makes a texture ready for look-ups and returns what there is to say of it, {} where its shader is named."""
+    said = [
+        f"texture {file} of {{}} cannot be read ({why}): its fallback is used"
+        for file, why in unreadable(texture, color)
+    ]
+    taken = {f: what_was_taken(f, texture.color_space) for f in files_of(texture)}
+    return said + [f"texture {file} of {{}}: {words}" for file, sentences in taken.items() for words in sentences]
 
 
 def load_texture(texture: Texture, color: Color) -> dict[int, Image]:

@@ -25,8 +25,9 @@ import numpy as np
 import OpenImageIO as oiio
 from numpy.typing import NDArray
 
-from usdslf.color import USD_DEFAULT_SPACE, Color
+from usdslf.color import Color
 from usdslf.scene.records import F32
+from usdslf.textures.declared import channels_of, space_of
 from usdslf.textures.files import (
     TILE,
     bands,
@@ -35,6 +36,7 @@ from usdslf.textures.files import (
     is_eight_bit,
     is_tiled,
     open_image,
+    picked,
     stamp_of,
     write_tiled_copy,
 )
@@ -85,6 +87,7 @@ class PagedTexels:
     origin: tuple[int, int]  # (x, y) of the first pixel
     shape: tuple[int, int, int]  # (H, W, C)
     coding: Coding
+    channels: tuple[int, ...]  # of the file that are looked up
     copy_bytes: int = 0  # of the copy on disk that belongs to this image alone
     _troubles: list[str] = field(default_factory=list)
 
@@ -122,7 +125,7 @@ class PagedTexels:
             if not self._troubles:
                 self._troubles.append(" ".join(str(cache.geterror()).split()) or "a tile cannot be read")
             raise OSError(self._troubles[0])
-        return np.asarray(pixels).reshape(bottom - top, right - left, -1)[..., : self.shape[2]]
+        return picked(np.asarray(pixels).reshape(bottom - top, right - left, -1), self.channels)
 
 
 Image = Texels | PagedTexels
@@ -205,9 +208,9 @@ def read_whole(path: str, color_space: str, color: Color) -> F32:
     image = open_image(path)
     try:
         spec = image.spec()
-        used = min(spec.nchannels, 4)
-        coding = _coding_of(spec, color_space, color)
-        out = np.empty((spec.height, spec.width, used), np.float32)
+        used = channels_of(spec)
+        coding = _coding_of(spec, path, color_space, color)
+        out = np.empty((spec.height, spec.width, len(used)), np.float32)
         for top, pixels in bands(image, used):
             out[top : top + len(pixels)] = coding.decode(pixels)
     finally:
@@ -230,16 +233,16 @@ def _load(path: str, color_space: str, color: Color) -> Image:
     image = open_image(path)
     try:
         spec = image.spec()
-        used = min(spec.nchannels, 4)
-        coding = _coding_of(spec, color_space, color)
-        shape = (spec.height, spec.width, used)
-        if spec.height * spec.width * used * spec.channel_bytes() <= SMALL:
-            return _small_image(image, coding, shape)
+        used = channels_of(spec)
+        coding = _coding_of(spec, path, color_space, color)
+        shape = (spec.height, spec.width, len(used))
+        if spec.height * spec.width * len(used) * spec.channel_bytes() <= SMALL:
+            return _small_image(image, coding, shape, used)
         if is_tiled(spec):
             check_corners(image)
             file = file_of(path)
             _tiles().invalidate(file, True)
-            return PagedTexels(file, (spec.x, spec.y), shape, coding)
+            return PagedTexels(file, (spec.x, spec.y), shape, coding, used)
         copy, size = write_tiled_copy(image, used)
     finally:
         image.close()
@@ -247,20 +250,22 @@ def _load(path: str, color_space: str, color: Color) -> Image:
         _log.warning("no room for a tiled copy of %s in $TMPDIR: it is read slowly", path)
         file = file_of(path)
         _tiles().invalidate(file, True)
-        return PagedTexels(file, (spec.x, spec.y), shape, coding)
-    paged = PagedTexels(copy, (0, 0), shape, coding, size)
+        return PagedTexels(file, (spec.x, spec.y), shape, coding, used)
+    paged = PagedTexels(copy, (0, 0), shape, coding, tuple(range(len(used))), size)
     weakref.finalize(paged, _forget, copy)
     return paged
 
 
-def _small_image(image: oiio.ImageInput, coding: Coding, shape: tuple[int, int, int]) -> Texels:
+def _small_image(
+    image: oiio.ImageInput, coding: Coding, shape: tuple[int, int, int], used: tuple[int, ...]
+) -> Texels:
     if coding.table is not None:
         codes = np.empty(shape, np.uint8)
-        for top, pixels in bands(image, shape[2]):
+        for top, pixels in bands(image, used):
             codes[top : top + len(pixels)] = pixels
         return Texels(codes, coding.table)
     values = np.empty(shape, np.float32)
-    for top, pixels in bands(image, shape[2]):
+    for top, pixels in bands(image, used):
         values[top : top + len(pixels)] = coding.decode(pixels)
     fits_half = np.abs(values).max(initial=0.0) < 6e4
     return Texels(values.astype(np.float16) if fits_half else values)
@@ -284,28 +289,15 @@ def _tiles() -> oiio.ImageCache:
     return cache
 
 
-def _coding_of(spec: oiio.ImageSpec, color_space: str, color: Color) -> Coding:
+def _coding_of(spec: oiio.ImageSpec, path: str, color_space: str, color: Color) -> Coding:
     """Returns how pixels are converted, or raises OSError where their colour space is unknown."""
     eight = is_eight_bit(spec)
-    space = _space_of(color_space, spec, eight)
+    space, _ = space_of(color_space, spec, file_of(path))
     if not color.knows(space):
         raise OSError(f"its colour space {space!r} is unknown to {color.config_name}")
-    channels = min(spec.nchannels, 4)
+    channels = len(channels_of(spec))
     by_table = eight and (color.acts_per_channel(space) or channels < 3)
     return Coding(space, color, eight, _table(space, channels, color) if by_table else None)
-
-
-def _space_of(color_space: str, spec: oiio.ImageSpec, eight: bool) -> str:
-    """Returns the space of pixels; auto as UsdPreviewSurface says: 8 bit colour is sRGB, the rest linear."""
-    if color_space not in ("auto", ""):
-        return color_space
-    if spec.nchannels < 3:
-        return "raw"
-    declared = spec.get_string_attribute("colorInteropID")
-    if declared and not eight:
-        return str(declared)
-    linear_8_bit = spec.get_string_attribute("oiio:ColorSpace") in ("linear", "lin_rec709_scene")
-    return "srgb_rec709_scene" if eight and not linear_8_bit else USD_DEFAULT_SPACE
 
 
 def _table(space: str, channels: int, color: Color) -> F32:

@@ -170,6 +170,8 @@ def _texture(prim: Usd.Prim, kind: str, time: Usd.TimeCode, color: Color, notes:
     if space != "auto" and not color.knows(space):
         notes.add(f"colour space {space} of light {{}} is unknown: taken as auto", prim.GetPath())
         space = "auto"
+    for words in images.what_was_taken(path, space):
+        notes.add(f"texture {asset.path} of light {{}}: {words}", prim.GetPath())
     format = prim.GetAttribute("inputs:texture:format")
     shape = str((format.Get(time) if format else None) or "automatic")
     return LightTexture(path, shape, space, color.config, color.working_space)

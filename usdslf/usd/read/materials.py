@@ -95,11 +95,10 @@ class MaterialTable:
         """Brings all textures into memory, several files at a time, and notes what cannot be read."""
         textures = {v: None for m in materials for v in vars(m).values() if isinstance(v, Texture)}
         with ThreadPoolExecutor() as pool:
-            results = pool.map(lambda t: images.unreadable(t, self._color), textures)
-            for texture, troubles in zip(textures, results, strict=True):
-                for file, why in troubles:
-                    reason = f"texture {file} of {{}} cannot be read ({why}): its fallback is used"
-                    self._notes.add(reason, texture.prim)
+            results = pool.map(lambda t: images.remarks(t, self._color), textures)
+            for texture, remarks in zip(textures, results, strict=True):
+                for remark in remarks:
+                    self._notes.add(remark, texture.prim)
 
     def _number(self, key: Any, material: Material) -> int:
         if key not in self._index:
