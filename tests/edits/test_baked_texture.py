@@ -55,7 +55,7 @@ def constant_delta(*value: float) -> Any:
 
 def bake(scene: Scene, texture: Texture, faces: list[int], delta: Any, folder: Path, **more: Any) -> Baked:
     triangles = np.flatnonzero(np.isin(scene.triangles.face, faces))
-    return bake_texture(scene, texture, triangles, delta, folder, "map", **more)
+    return bake_texture(scene, texture, triangles, delta, folder / "map", **more)
 
 
 # ---- texels and the points they lie on -----------------------------------------------------------------

@@ -27,7 +27,7 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, Vt
 import usdslf
 from usdslf.color import color_of
 from usdslf.edits import baked_texture as bake
-from usdslf.edits.storage import Carrier
+from usdslf.edits.storage import Storage
 from usdslf.errors import AuthorError
 from usdslf.inference import direct as infer
 from usdslf.inference.answers import changed_surface
@@ -248,7 +248,7 @@ def test_phong_says_the_residual_of_what_varies(tmp_path: Path) -> None:
 
 
 def test_what_can_no_longer_be_stored_is_written_as_its_mean(tmp_path: Path) -> None:
-    """The light that goes round may have moved a change after its carrier was looked for."""
+    """The light that goes round may have moved a change after its storage was looked for."""
     session = solved(write_floor(tmp_path, points_on_a_side=33), stroke(seen(P, gradient(P))))
     (answer,) = session.answers
     said: list[str] = []
@@ -265,9 +265,9 @@ def test_what_can_no_longer_be_stored_is_written_as_its_mean(tmp_path: Path) -> 
 def test_an_answer_that_the_light_moves_out_of_storage_stays_as_it_could_be_stored(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    real, gone = infer.carrier_of, []
+    real, gone = infer.storage_of, []
     monkeypatch.setattr(infer, "changed_surface", lambda *a: gone.append(True) or changed_surface(*a))
-    monkeypatch.setattr(infer, "carrier_of", lambda *a: Carrier(why_not="it is gone") if gone else real(*a))
+    monkeypatch.setattr(infer, "storage_of", lambda *a: Storage(0, why_not="it is gone") if gone else real(*a))
     session = solved(write_floor(tmp_path), stroke(seen(P, gradient(P))))
     edits = session.author(tmp_path / "look.usda")
     found = session.report()["strokes"][0]

@@ -1,6 +1,6 @@
 """Bakes a change that varies over a surface into a texture: the original's texels plus the change.
 
-    bake_texture(scene, texture, triangles, delta, folder, stem, ...) -> Baked
+    bake_texture(scene, texture, triangles, delta, place, ...) -> Baked
     plain_texture(value, uv_set) -> Texture                              the base of an input without a texture
 
 The change is added where texels lie on the painted triangles, and goes on over the rim around their charts
@@ -61,12 +61,9 @@ def bake_texture(
     texture: Texture,
     triangles: NDArray,
     delta: Delta,
-    folder: str | os.PathLike[str],
-    stem: str,
+    place: str | os.PathLike[str],
     *,
-    others: NDArray | None = None,
     size: tuple[int, int] | None = None,
-    border: int = BORDER,
     color: Color | None = None,
     warnings: list[str] | None = None,
 ) -> Baked:
@@ -74,11 +71,9 @@ def bake_texture(
 
     Args:
         texture: what drives the input now; its scale, bias and coordinates stay as they are.
-        triangles: (k,) of the scene, that show the change.
+        triangles: (k,) of the scene, that show the change; all others that read the texture now stay as they are.
         delta: of the input's value, which is texel * scale + bias.
-        folder: of the files; made if it is missing.
-        stem: of their names, before the hash.
-        others: triangles that read the texture too and stay as they are; None: all that read it now.
+        place: of the files, which have a hash after that name; its folder is made if it is missing.
         size: (width, height); None: that of the original.
         warnings: takes a sentence for each thing that is odd.
 
@@ -86,66 +81,102 @@ def bake_texture(
         AuthorError: the texture cannot be read, nothing is painted on it, or a file cannot be written.
     """
     color = color or color_of(scene.ocio, scene.working_space)
-    said = warnings if warnings is not None else []
     images = load_texture(texture, color) or _plain(texture, size)
-    triangles = np.unique(triangles)
-    others = np.setdiff1d(_showing(scene, texture, triangles) if others is None else others, triangles)
-    uv, uv_others = _coordinates(scene, texture, triangles), _coordinates(scene, texture, others)
-    at = ["rgba".index(c) for c in texture.channels]
-    gain = np.asarray(texture.scale, np.float64)[at]
-    if (np.abs(gain) < 1e-6).any():
-        raise AuthorError(f"{texture.prim} scales its texels by zero: set its scale to one to paint on it")
-    folder = Path(folder)
-    written: list[tuple[int, Path]] = []
-    digest, sums, twice, shared = hashlib.sha256(), np.zeros((3, 4)), 0, 0
-    space = "raw" if color.is_data(texture.color_space) else color.working_space
+    making = _Making(scene, texture, np.unique(triangles), delta, Path(place), color)
     try:
-        folder.mkdir(parents=True, exist_ok=True)
+        making.place.parent.mkdir(parents=True, exist_ok=True)
         for tile, image in sorted(images.items()):
-            cell = np.array([(tile - 1001) % 10, (tile - 1001) // 10]) if tile else np.zeros(2)
-            wraps = ("clamp", "clamp") if tile else (texture.wrap_s, texture.wrap_t)
-            pixels = _pixels(image, _NEEDED[texture.channels], size)
-            change, hits = _drawn(pixels.shape[:2], uv - cell, triangles, delta, wraps, len(at))
-            used = _covered(pixels.shape[:2], uv_others - cell, wraps)
-            twice, shared = twice + int((hits > 1).sum()), shared + int((used & (hits > 0)).sum())
-            sums += _add(pixels, change / gain, hits > 0, used, at, border, wraps)
-            temporary = beside(folder / f"{stem}.{tile}.exr")
-            written.append((tile, temporary))
-            _write(temporary, pixels, space, wraps)
-            digest.update(f"{tile} {pixels.shape} {wraps} {space}".encode())
-            digest.update(np.ascontiguousarray(pixels).data)
-            del pixels, change, hits, used  # before those of the next tile are made
-        if not sums[0, 0]:
-            raise AuthorError(
-                f"nothing that was painted lies on {texture.path or texture.prim}: check its uvs"
-            )
-        name = f"{stem}_{digest.hexdigest()[:12]}"
-        for tile, temporary in written:
-            put_in_place(temporary, folder / (f"{name}.{tile}.exr" if tile else f"{name}.exr"))
+            making.add_tile(tile, image, size)
+        file = making.finish()
     except OSError as error:
+        folder = making.place.parent
         raise AuthorError(f"{folder} cannot be written: {error.strerror or error}; choose another place") from None
     finally:
-        for _, temporary in written:
-            temporary.unlink(missing_ok=True)
-    if twice:
-        said.append(
-            f"{texture.path or stem}: {twice} texels lie on several painted places: they get the mean."
-        )
-    if shared:
-        said.append(f"{texture.path or stem}: {shared} texels also show elsewhere, and change there too.")
-    before, after = (s / sums[0, 0] * texture.scale + texture.bias for s in sums[1:])
+        making.drop()
+    if warnings is not None:
+        warnings += making.oddities()
+    before, after = making.means()
     return Baked(
-        file=str(folder / (f"{name}.<UDIM>.exr" if written[0][0] else f"{name}.exr")),
-        color_space=space,
+        file=str(file),
+        color_space=making.space,
         channels=texture.channels,
-        before=tuple(float(x) for x in before[at]),
-        after=tuple(float(x) for x in after[at]),
+        before=tuple(float(x) for x in before[making.at]),
+        after=tuple(float(x) for x in after[making.at]),
         fallback=(float(after[0]), float(after[1]), float(after[2]), float(after[3])),
         wrap_s=texture.wrap_s,
         wrap_t=texture.wrap_t,
         uv_set=texture.uv_set,
-        texels=int(sums[0, 0]),
+        texels=making.texels,
     )
+
+
+class _Making:
+    """The tiles of a texture that is being baked: files without their names yet, and what is known of all of them."""
+
+    def __init__(
+        self, scene: Scene, texture: Texture, triangles: NDArray, delta: Delta, place: Path, color: Color
+    ) -> None:
+        self.texture, self.triangles, self.delta, self.place = texture, triangles, delta, place
+        others = np.setdiff1d(_showing(scene, texture, triangles), triangles)
+        self.uv, self.uv_others = _coordinates(scene, texture, triangles), _coordinates(scene, texture, others)
+        self.at = ["rgba".index(c) for c in texture.channels]
+        self.gain = np.asarray(texture.scale, np.float64)[self.at]
+        if (np.abs(self.gain) < 1e-6).any():
+            raise AuthorError(f"{texture.prim} scales its texels by zero: set its scale to one to paint on it")
+        self.space = "raw" if color.is_data(texture.color_space) else color.working_space
+        self.written: list[tuple[int, Path]] = []
+        self.digest, self.sums = hashlib.sha256(), np.zeros((3, 4))
+        self.twice, self.shared = 0, 0  # texels on several painted places, and on others too
+
+    @property
+    def texels(self) -> int:
+        """How many changed, without the rim."""
+        return int(self.sums[0, 0])
+
+    def add_tile(self, tile: int, image: Image, size: tuple[int, int] | None) -> None:
+        """Changes the texels of one tile and writes them."""
+        cell = np.array([(tile - 1001) % 10, (tile - 1001) // 10]) if tile else np.zeros(2)
+        wraps = ("clamp", "clamp") if tile else (self.texture.wrap_s, self.texture.wrap_t)
+        pixels = _pixels(image, _NEEDED[self.texture.channels], size)
+        change, hits = _drawn(pixels.shape[:2], self.uv - cell, self.triangles, self.delta, wraps, len(self.at))
+        used = _covered(pixels.shape[:2], self.uv_others - cell, wraps)
+        self.twice += int((hits > 1).sum())
+        self.shared += int((used & (hits > 0)).sum())
+        self.sums += _add(pixels, change / self.gain, hits > 0, used, self.at, wraps)
+        temporary = beside(self.place.parent / f"{self.place.name}.{tile}.exr")
+        self.written.append((tile, temporary))
+        _write(temporary, pixels, self.space, wraps)
+        self.digest.update(f"{tile} {pixels.shape} {wraps} {self.space}".encode())
+        self.digest.update(np.ascontiguousarray(pixels).data)
+
+    def finish(self) -> Path:
+        """Gives the files their names; returns that of all of them."""
+        if not self.texels:
+            where = self.texture.path or self.texture.prim
+            raise AuthorError(f"nothing that was painted lies on {where}: check its uvs")
+        name, folder = f"{self.place.name}_{self.digest.hexdigest()[:12]}", self.place.parent
+        for tile, temporary in self.written:
+            put_in_place(temporary, folder / (f"{name}.{tile}.exr" if tile else f"{name}.exr"))
+        return folder / (f"{name}.<UDIM>.exr" if self.written[0][0] else f"{name}.exr")
+
+    def drop(self) -> None:
+        """Removes files that have not got their names."""
+        for _, temporary in self.written:
+            temporary.unlink(missing_ok=True)
+
+    def oddities(self) -> list[str]:
+        """Returns a sentence for each thing that is odd."""
+        name, said = self.texture.path or self.place.name, []
+        if self.twice:
+            said.append(f"{name}: {self.twice} texels lie on several painted places: they get the mean.")
+        if self.shared:
+            said.append(f"{name}: {self.shared} texels also show elsewhere, and change there too.")
+        return said
+
+    def means(self) -> tuple[F64, F64]:
+        """Returns the input's mean (4,) over the painted texels, before and after."""
+        before, after = (s / self.sums[0, 0] * self.texture.scale + self.texture.bias for s in self.sums[1:])
+        return before, after
 
 
 def plain_texture(value: ArrayLike, uv_set: str = "st", channels: str = "") -> Texture:
@@ -239,7 +270,6 @@ def _add(
     covered: NDArray[np.bool_],
     used: NDArray[np.bool_],
     at: list[int],
-    border: int,
     wraps: tuple[str, str],
 ) -> F64:
     """Adds the change to the texels, and to the rim around them; returns count and means times count (3, 4)."""
@@ -249,7 +279,7 @@ def _add(
     sums[0], sums[1:, 3] = len(texels), len(texels)  # alpha is 1 where there is none
     sums[1, :count] = texels.sum(0, dtype=np.float64)
     repeats = (wraps[1] == "repeat", wraps[0] == "repeat")
-    y, x, from_y, from_x = nearest_covered(covered, ~(covered | used), border, repeats)
+    y, x, from_y, from_x = nearest_covered(covered, ~(covered | used), BORDER, repeats)
     rim, spread = pixels[y, x].astype(np.float32), change[from_y, from_x]
     texels = texels.astype(np.float32)
     texels[:, at] += change[covered]

@@ -1,7 +1,7 @@
-"""Carriers: which input of a UsdPreviewSurface says a change that varies over a surface, and what it is stored in.
+"""Storage: which input of a UsdPreviewSurface says a change that varies over a surface, and what it is stored in.
 
-    carrier_of(scene, material, targets, varying) -> Carrier      its input, texture or points, or why there is none
-    carry(scene, carrier, varying, ...) -> Baked | ByVertex       the texture written, or the values at points
+    storage_of(scene, material, targets, varying) -> Storage      its input, texture or points, or why there is none
+    store(scene, storage, varying, ...) -> Baked | ByVertex       the texture written, or the values at points
 
 Which input: diffuseColor for the diffuse colour of what is no metal and for the specular colour of a metal; roughness;
 specularColor in the specular workflow, into which a dielectric goes over for a specular colour; its ior for a grey one
@@ -61,26 +61,23 @@ class Varies(Protocol):
 
 
 @dataclass(frozen=True)
-class Carrier:
+class Storage:
     """What stores a varying change of a material."""
 
+    material: int  # into scene.materials
     input: str = ""
-    uv_set: str = ""  # of a texture; "" where points carry it
+    uv_set: str = ""  # of a texture; "" where points store it
     triangles: NDArray | None = None  # (k,) that show the change
     why_not: str = ""  # reason why nothing can
-
-    @property
-    def is_too_coarse(self) -> bool:
-        """Whether points could carry a smoother change."""
-        return self.why_not.endswith(TOO_COARSE)
+    is_too_coarse: bool = False  # the reason is that points are too far apart: they could store a smoother change
 
     @property
     def by_points(self) -> bool:
-        """Whether the points of meshes carry it."""
+        """Whether the points of meshes store it."""
         return not self.why_not and not self.uv_set
 
 
-def carrier_of(scene: Scene, material: int, targets: Sequence[str], varying: Varies) -> Carrier:
+def storage_of(scene: Scene, material: int, targets: Sequence[str], varying: Varies) -> Storage:
     """Finds what stores a varying change.
 
     Args:
@@ -94,28 +91,28 @@ def carrier_of(scene: Scene, material: int, targets: Sequence[str], varying: Var
     triangles = np.flatnonzero(shown)
     name, why = _input_of(m, varying, _metallic(scene, m, triangles, varying))
     if why:
-        return Carrier(why_not=why)
+        return Storage(material, why_not=why)
     value = getattr(m, FIELDS[name])
     if not _is_used(m, name) and isinstance(value, Texture):
-        return Carrier(why_not=f"its {name} is driven by {value.prim} without being seen")
+        return Storage(material, why_not=f"its {name} is driven by {value.prim} without being seen")
     if not isinstance(value, (Texture, np.ndarray)):
-        return Carrier(why_not=f"a primvar drives its {name}")
+        return Storage(material, why_not=f"a primvar drives its {name}")
     uv_set = value.uv_set if isinstance(value, Texture) else next(iter(common_sets(scene, triangles)), "")
     texture = value if isinstance(value, Texture) else None
     if texture and (why := _why_not_baked(texture)):
-        return Carrier(why_not=why)
+        return Storage(material, why_not=why)
     if uv_set and (varying.is_even or lies_flat(scene, triangles, uv_set, texture)):
-        return Carrier(name, uv_set, triangles)
+        return Storage(material, name, uv_set, triangles)
     flat = f"its texture coordinates {uv_set} lie upon each other or outside of 0..1"
     flat = flat if uv_set else "it has no texture coordinates"
     why = _why_not_points(scene, triangles, varying)
     if isinstance(value, Texture):
         why = f"a texture drives its {name}"
-    return Carrier(name, "", triangles, f"{flat}, and {why}" if why else "")
+    return Storage(material, name, "", triangles, f"{flat}, and {why}" if why else "", why == TOO_COARSE)
 
 
-def carry(
-    scene: Scene, material: int, carrier: Carrier, varying: Varies, folder: Path, color: Color, warnings: list[str],
+def store(
+    scene: Scene, storage: Storage, varying: Varies, folder: Path, color: Color, warnings: list[str],
     size: tuple[int, int] | None = None, at_points: dict[str, Places] | None = None,
 ) -> Baked | ByVertex:  # fmt: skip
     """Writes the texture of a varying change, or says what its values are at points.
@@ -127,13 +124,14 @@ def carry(
 
     Raises: AuthorError where a texture cannot be read or written.
     """
-    assert carrier.triangles is not None and not carrier.why_not, carrier
-    m, name = scene.materials[material], carrier.input
-    if carrier.by_points:
+    assert storage.triangles is not None and not storage.why_not, storage
+    material, name = storage.material, storage.input
+    m = scene.materials[material]
+    if storage.by_points:
         return _by_vertex(scene, material, name, varying, {} if at_points is None else at_points)
     value = getattr(m, FIELDS[name])
     base = None if isinstance(value, Texture) else _base(m, name)
-    texture = value if isinstance(value, Texture) else plain_texture(_base(m, name), carrier.uv_set)
+    texture = value if isinstance(value, Texture) else plain_texture(_base(m, name), storage.uv_set)
 
     def delta(triangle: NDArray, barycentric: NDArray) -> F64:
         before, after = input_values(m, name, varying, places_at(scene, triangle, barycentric))
@@ -142,7 +140,7 @@ def carry(
     stem = f"{m.path.rsplit('/', 1)[-1]}_{name}"
     size = _room(value, color, varying) if isinstance(value, Texture) else size
     return bake_texture(
-        scene, texture, carrier.triangles, delta, folder, stem, size=size, color=color, warnings=warnings
+        scene, texture, storage.triangles, delta, folder / stem, size=size, color=color, warnings=warnings
     )
 
 

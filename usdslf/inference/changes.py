@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from usdslf.color import Color
 from usdslf.edits.baked_texture import Baked
 from usdslf.edits.edits import InputEdit, MaterialChange, Reflectance, material_change_to_input_edits
-from usdslf.edits.storage import carrier_of, carry, input_values
+from usdslf.edits.storage import input_values, storage_of, store
 from usdslf.inference.answers import Answer, alike_means
 from usdslf.inference.candidate import Candidate
 from usdslf.inference.varying import Varying, as_even
@@ -126,14 +126,14 @@ def _varied(
     change: MaterialChange, material: int, varying: Varying, scene: Scene, folder: Path, color: Color,
     warnings: list[str],
 ) -> MaterialChange:  # fmt: skip
-    carrier = carrier_of(scene, material, change.targets, varying)
-    if carrier.why_not:  # the light that goes round moved it from where it could be stored
-        warnings.append(f"{scene.materials[material].path}: {carrier.why_not}; its change is written as its mean")
+    storage = storage_of(scene, material, change.targets, varying)
+    if storage.why_not:  # the light that goes round moved it from where it could be stored
+        warnings.append(f"{scene.materials[material].path}: {storage.why_not}; its change is written as its mean")
         return change
-    found = carry(scene, material, carrier, varying, folder, color, warnings)
+    found = store(scene, storage, varying, folder, color, warnings)
     if isinstance(found, Baked):
-        return replace(change, baked={carrier.input: found})
-    return replace(change, by_vertex={carrier.input: found})
+        return replace(change, baked={storage.input: found})
+    return replace(change, by_vertex={storage.input: found})
 
 
 def _exact(
@@ -145,11 +145,11 @@ def _exact(
     if len(edits) != 1 or edits[0].representation != "scale":
         return change
     even = as_even(chosen)
-    carrier = carrier_of(scene, material, change.targets, even)
-    if carrier.why_not or carrier.triangles is None or carrier.input != edits[0].input:
+    storage = storage_of(scene, material, change.targets, even)
+    if storage.why_not or storage.triangles is None or storage.input != edits[0].input:
         return change
     before, after = input_values(
-        scene.materials[material], carrier.input, even, _somewhere(scene, carrier.triangles)
+        scene.materials[material], storage.input, even, _somewhere(scene, storage.triangles)
     )
 
     def off_by(edit: InputEdit) -> float:
@@ -163,7 +163,7 @@ def _exact(
     if off_by(*material_change_to_input_edits(by_bias)) <= SCALED_WELL:
         return by_bias
     warnings.append(
-        f"{change.material.path}: {carrier.input} gets a texture of its own; a scale and a bias would be {off:.2f} off"
+        f"{change.material.path}: {storage.input} gets a texture of its own; a scale and a bias would be {off:.2f} off"
     )
     return _varied(change, material, even, scene, folder, color, warnings)
 

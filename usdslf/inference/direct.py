@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from usdslf.edits.storage import carrier_of
+from usdslf.edits.storage import storage_of
 from usdslf.errors import SolveError, StrokeError
 from usdslf.inference.answers import Answer, Painted, Pool, changed_surface, means_of, scope_rows
 from usdslf.inference.attainable import dimming, error_of, explains_nothing, seems_too_bright
@@ -211,7 +211,7 @@ def _with_alike(
     spread = as_spread(answer.chosen, answer.varying, places, reach, weights or OF_MATERIALS)
     whole, partly = [m for m, share in shares.items() if share > MOST], []
     for m in (m for m, share in shares.items() if share <= ALL):
-        why = carrier_of(scene, m, (), spread).why_not if spread else "its change has several parameters"
+        why = storage_of(scene, m, (), spread).why_not if spread else "its change has several parameters"
         if not why:
             partly.append(m)
         said.append(
@@ -360,12 +360,12 @@ def _storable(
         kind = (a.id, a.varying.is_grey)
         if a.id in found or kind in refused:
             continue
-        carrier = carrier_of(scene, pool.material, pool.targets, a.varying)
-        why_not = carrier.why_not
+        storage = storage_of(scene, pool.material, pool.targets, a.varying)
+        why_not = storage.why_not
         if not why_not:
             found[a.id] = a
             continue
-        if not carrier.is_too_coarse:  # a smoother change could be stored no better
+        if not storage.is_too_coarse:  # a smoother change could be stored no better
             refused.add(kind)
         if constant is not None and asks_to_vary(tables, options, a, constant):
             why[f"a {a.id}: {why_not}"] = None
@@ -380,7 +380,7 @@ def _storable(
 def _while_storable(answer: Answer, scene: Scene) -> Answer:
     """The answer; a constant where the light that went round moved it to where what varies cannot be stored."""
     v, pool = answer.varying, answer.pool
-    if v is None or not carrier_of(scene, pool.material, pool.targets, v).why_not:
+    if v is None or not storage_of(scene, pool.material, pool.targets, v).why_not:
         return answer
     return replace(answer, varying=None)
 

@@ -1,4 +1,4 @@
-"""Style changes: what became of each element -> textures or values at points that vary as it does (carriers.py).
+"""Style changes: what became of each element -> textures or values at points that vary as it does (storage.py).
 
 Where neither can hold a change, it is the mean over the material, and that is said.
 """
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from usdslf.color import Color
 from usdslf.edits.baked_texture import Baked
 from usdslf.edits.edits import ByVertex, MaterialChange, Reflectance
-from usdslf.edits.storage import carrier_of, carry
+from usdslf.edits.storage import storage_of, store
 from usdslf.elements.elements import Elements
 from usdslf.scene.records import F64, Scene
 from usdslf.similarity.similarity import Places
@@ -75,12 +75,12 @@ def with_styles(
         if parameter not in change.freed:
             continue
         varying = StyleChange(parameter, places, moved, spacing, known)
-        carrier = carrier_of(scene, style.material, change.targets, varying)
-        if carrier.why_not:
-            warnings.append(f"{change.material.path}: {parameter} changes by its mean, for {carrier.why_not}")
+        storage = storage_of(scene, style.material, change.targets, varying)
+        if storage.why_not:
+            warnings.append(f"{change.material.path}: {parameter} changes by its mean, for {storage.why_not}")
             continue
-        found[carrier.input] = carry(
-            scene, style.material, carrier, varying, folder, color, warnings, (side, side), at_points
+        found[storage.input] = store(
+            scene, storage, varying, folder, color, warnings, (side, side), at_points
         )
     return replace(
         change,

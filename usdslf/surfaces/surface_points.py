@@ -82,31 +82,17 @@ def evaluate_surface(
     normal = _unit(_interpolate(table.normals[tri], weight), geometric)
     normal = np.where((normal * geometric).sum(1, keepdims=True) < 0, -normal, normal)
 
-    # Constant inputs come from a table of all materials, the others are read material by material.
-    table_of_inputs, varying = _constant_inputs(scene.materials)
-    values = {name: rows[material] for name, rows in table_of_inputs.items()}
-    for m, at in _groups(material, np.array([bool(v) for v in varying], bool)):
-        read = _Reader(scene, tri[at], weight[at], color)
-        for name in set(varying[m]) - {"normal"}:
-            values[name][at] = read(getattr(scene.materials[m], name), values[name].shape[1])
-        bump = scene.materials[m].normal
-        if normal_maps and bump is not None:
-            normal[at] = _mapped_normal(read, bump, normal[at])
+    values, normal = _inputs(scene, tri, weight, color, normal, normal_maps)
     base, emission = np.maximum(values["diffuse_color"], 0), np.maximum(values["emissive_color"], 0)
     specular = np.clip(values["specular_color"], 0, 1)
     scalars = {name: values[name][:, 0] for name in _SCALARS}
     is_specular = np.array([x.use_specular_workflow for x in scene.materials], bool)[material]
     opacity, presence = _coverage(scene.materials, material, scalars["opacity"])
-
     metallic = np.clip(scalars["metallic"], 0, 1)
     ior = np.maximum(scalars["ior"], 1e-3)
-    r2 = ((1 - ior) / (1 + ior)) ** 2
-    m_, r2_ = metallic[:, None], r2[:, None]
-    s = 1 + (base - 1) * m_
-    workflow = is_specular[:, None]
+    d, f0, f90, r2 = _reflectance(is_specular, base, specular, metallic, ior)
     # Opacity of what is there: below 1 in mode transparent only.
     solid = np.where(presence > 0, opacity / np.maximum(presence, 1e-20), 1)
-    d = np.where(workflow, base, base * (1 - m_)) * solid[:, None]
     return SurfacePoints(
         position=_interpolate(table.positions[tri], weight),
         geometric_normal=geometric,
@@ -115,9 +101,9 @@ def evaluate_surface(
         material=material,
         triangle=tri,
         barycentric=bary,
-        diffuse=d.astype(np.float32),
-        f0=np.where(workflow, specular, r2_ * s + (s - r2_ * s) * m_).astype(np.float32),
-        f90=np.where(workflow, 1, s).astype(np.float32),
+        diffuse=(d * solid[:, None]).astype(np.float32),
+        f0=f0.astype(np.float32),
+        f90=f90.astype(np.float32),
         roughness=np.clip(scalars["roughness"], MIN_ROUGHNESS, 1),
         clearcoat=np.clip(scalars["clearcoat"], 0, 1),
         clearcoat_roughness=np.clip(scalars["clearcoat_roughness"], MIN_ROUGHNESS, 1),
@@ -130,6 +116,39 @@ def evaluate_surface(
         ior=ior,
         specular_color=specular,
     )
+
+
+def _inputs(
+    scene: Scene, tri: I32, weight: F32, color: Color, normal: NDArray, normal_maps: bool
+) -> tuple[dict[str, F32], NDArray]:
+    """Returns all inputs (n, 1 or 3) by name, and normals (n, 3) with the maps of materials on them.
+
+    Constant inputs come from a table of all materials, the others are read material by material.
+    """
+    material = scene.triangles.material[tri]
+    table_of_inputs, varying = _constant_inputs(scene.materials)
+    values = {name: rows[material] for name, rows in table_of_inputs.items()}
+    for m, at in _groups(material, np.array([bool(v) for v in varying], bool)):
+        read = _Reader(scene, tri[at], weight[at], color)
+        for name in set(varying[m]) - {"normal"}:
+            values[name][at] = read(getattr(scene.materials[m], name), values[name].shape[1])
+        bump = scene.materials[m].normal
+        if normal_maps and bump is not None:
+            normal[at] = _mapped_normal(read, bump, normal[at])
+    return values, normal
+
+
+def _reflectance(
+    is_specular: NDArray[np.bool_], base: F32, specular: F32, metallic: F32, ior: F32
+) -> tuple[F32, F32, F32, F32]:
+    """Returns d, F0 and F90 (n, 3) by the workflow of each point, and R^2 (n,) of its ior."""
+    r2 = ((1 - ior) / (1 + ior)) ** 2
+    m_, r2_ = metallic[:, None], r2[:, None]
+    s = 1 + (base - 1) * m_
+    workflow = is_specular[:, None]
+    d = np.where(workflow, base, base * (1 - m_))
+    f0 = np.where(workflow, specular, r2_ * s + (s - r2_ * s) * m_)
+    return d, f0, np.where(workflow, 1, s), r2
 
 
 def evaluate_opacity(

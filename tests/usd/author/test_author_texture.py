@@ -48,7 +48,7 @@ def baked_change(stage: Usd.Stage, folder: Path, name: str, scope: str = "materi
     channels = 3 if texture.channels == "rgb" else 1
     triangles = np.flatnonzero(scene.triangles.mesh == row)
     baked = bake_texture(
-        scene, texture, triangles, bend(channels)(scene), textures_folder(folder / "look.usda"), name,
+        scene, texture, triangles, bend(channels)(scene), textures_folder(folder / "look.usda") / name,
         size=None if texture.path else (64, 40),
     )  # fmt: skip
     same = Reflectance(np.zeros(3), np.zeros(3), 0.5)

@@ -24,20 +24,10 @@ def read_polygons(
 
     Faces of fewer than three corners, and faces with a point that is not finite, are left out.
     """
-    path = mesh.GetPath()
-    points = numbers(mesh.GetPointsAttr().Get(time)) if posed is None else posed.points
-    counts = _integers(mesh.GetFaceVertexCountsAttr().Get(time))
-    indices = _integers(mesh.GetFaceVertexIndicesAttr().Get(time))
-    if points is None or not len(points) or not len(counts):
-        notes.add("the mesh {} has no points or no faces at this frame; left out", path)
+    found = _topology(mesh, time, posed, notes)
+    if found is None:
         return None
-    if (counts < 0).any() or counts.sum() != len(indices):
-        notes.add("faceVertexCounts and faceVertexIndices of {} disagree; left out", path)
-        return None
-    if len(indices) and (indices.min() < 0 or indices.max() >= len(points)):
-        notes.add("the faces of {} name points that are not there; left out", path)
-        return None
-
+    points, counts, indices = found
     sizes = {
         "constant": 1,
         "uniform": len(counts),
@@ -46,25 +36,12 @@ def read_polygons(
         "faceVarying": len(indices),
     }
     primvars = read_primvars(UsdGeom.PrimvarsAPI(mesh).FindPrimvarsWithInheritance(), time, sizes, notes)
-    scheme = str(mesh.GetSubdivisionSchemeAttr().Get(time) or "catmullClark")
-    if scheme not in ("none", "catmullClark", "loop", "bilinear"):
-        notes.add(f"the subdivision scheme {scheme} of {{}} is not known; it is read as polygons", path)
-        scheme = "none"
-    if scheme == "loop" and (counts != 3).any():
-        notes.add("the mesh {} is subdivided by Loop's scheme but not made of triangles; it was split", path)
+    scheme = _scheme(mesh, time, counts, notes)
     normals = read_normals(mesh, time, sizes, notes) if scheme == "none" else None
 
-    first = np.concatenate([[0], np.cumsum(counts)[:-1]]).astype(np.int64)
-    face_of_corner = np.repeat(np.arange(len(counts)), counts)
-    finite: NDArray[np.bool_] = np.asarray(np.isfinite(points).all(1))
-    bad: NDArray[np.bool_] = np.bincount(face_of_corner[~finite[indices]], minlength=len(counts)) > 0
-    if bad.any():
-        notes.add("the mesh {} has points that are nan or inf; the faces on them are left out", path)
-        points = np.where(finite[:, None], points, 0.0)
-    keep: NDArray[np.bool_] = np.asarray(~bad & (counts >= 3))
-    kept_faces, kept_corners = np.flatnonzero(keep), np.flatnonzero(keep[face_of_corner])
+    points, kept_faces, kept_corners = _drawable(mesh, points, counts, indices, notes)
     if not len(kept_faces):
-        notes.add("the mesh {} has no face with three finite corners; left out", path)
+        notes.add("the mesh {} has no face with three finite corners; left out", mesh.GetPath())
         return None
     if len(kept_faces) < len(counts):
         of = {"uniform": kept_faces, "faceVarying": kept_corners}
@@ -75,6 +52,7 @@ def read_polygons(
         if normals is not None and normals.interpolation in of:
             normals = normals.of_elements(of[normals.interpolation])
     if normals is not None and posed is not None and posed.turn is not None:
+        first = np.concatenate([[0], np.cumsum(counts)[:-1]]).astype(np.int64)
         normals = _turned(normals, posed.turn, indices[kept_corners], indices[first[kept_faces]])
     return Polygons(
         points=points,
@@ -92,6 +70,50 @@ def read_polygons(
         normals=normals,
         primvars=primvars.varying,
     ), primvars
+
+
+def _topology(
+    mesh: UsdGeom.Mesh, time: Usd.TimeCode, posed: Posed | None, notes: Notes
+) -> tuple[F64, I64, I64] | None:
+    """Points (V, 3), corners of each face (F,) and their points (C,); none where they do not fit each other."""
+    path = mesh.GetPath()
+    points = numbers(mesh.GetPointsAttr().Get(time)) if posed is None else posed.points
+    counts = _integers(mesh.GetFaceVertexCountsAttr().Get(time))
+    indices = _integers(mesh.GetFaceVertexIndicesAttr().Get(time))
+    if points is None or not len(points) or not len(counts):
+        notes.add("the mesh {} has no points or no faces at this frame; left out", path)
+        return None
+    if (counts < 0).any() or counts.sum() != len(indices):
+        notes.add("faceVertexCounts and faceVertexIndices of {} disagree; left out", path)
+        return None
+    if len(indices) and (indices.min() < 0 or indices.max() >= len(points)):
+        notes.add("the faces of {} name points that are not there; left out", path)
+        return None
+    return points, counts, indices
+
+
+def _scheme(mesh: UsdGeom.Mesh, time: Usd.TimeCode, counts: I64, notes: Notes) -> str:
+    """The subdivision scheme; `none` for one that is not known."""
+    path = mesh.GetPath()
+    scheme = str(mesh.GetSubdivisionSchemeAttr().Get(time) or "catmullClark")
+    if scheme not in ("none", "catmullClark", "loop", "bilinear"):
+        notes.add(f"the subdivision scheme {scheme} of {{}} is not known; it is read as polygons", path)
+        scheme = "none"
+    if scheme == "loop" and (counts != 3).any():
+        notes.add("the mesh {} is subdivided by Loop's scheme but not made of triangles; it was split", path)
+    return scheme
+
+
+def _drawable(mesh: UsdGeom.Mesh, points: F64, counts: I64, indices: I64, notes: Notes) -> tuple[F64, I64, I64]:
+    """Points with those that are not finite at zero, and the faces and corners that are drawn without these."""
+    face_of_corner = np.repeat(np.arange(len(counts)), counts)
+    finite: NDArray[np.bool_] = np.asarray(np.isfinite(points).all(1))
+    bad: NDArray[np.bool_] = np.bincount(face_of_corner[~finite[indices]], minlength=len(counts)) > 0
+    if bad.any():
+        notes.add("the mesh {} has points that are nan or inf; the faces on them are left out", mesh.GetPath())
+        points = np.where(finite[:, None], points, 0.0)
+    keep: NDArray[np.bool_] = np.asarray(~bad & (counts >= 3))
+    return points, np.flatnonzero(keep), np.flatnonzero(keep[face_of_corner])
 
 
 def _turned(normals: Any, turn: F64, corner_points: I64, face_points: I64) -> Any:
