@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import fields, replace
+from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
 import numpy as np
@@ -76,45 +76,55 @@ def paint_stroke(
     spacing, aspect = meant.pop("spacing", SPACING), meant.pop("aspect", None)
     if aspect is None:
         aspect = image.shape[1] / image.shape[0] if image is not None else film_aspect(camera)
-    curves = [_resample(path, spacing * radius, aspect) for path in paths]
-    if not sum(map(len, curves)):
-        raise StrokeError("the stroke's path is empty: give at least one point x,y in 0..1")
-    at = np.concatenate(curves)
-    curve = np.repeat(np.arange(len(curves)), [len(c) for c in curves])
-
-    rays = camera_rays(camera, at, aspect)
-    hits = tracer.intersect(rays.origin, rays.direction)
-    hit = (hits.triangle >= 0) & (hits.distance <= rays.limit)
-    if not hit.any():
-        raise StrokeError(
-            f"the stroke lies off every surface that the camera {camera.path} sees: move its path onto one"
-        )
-    triangle, uv = hits.triangle[hit], hits.barycentric[hit].astype(np.float32)
-    points, normals = points_on_triangles(scene, triangle, uv)
-    eye = _eyes(camera, rays.origin[hit], rays.direction[hit])
-    normals = turned_towards(normals, scene.triangles.face_normals[triangle], eye - points)
-    heights = _picture_height(camera, points, aspect)
-    slant = np.abs((normals * unit(eye - points)).sum(1)).clip(0.1, 1)
-    lifted = (np.diff(curve[hit]) != 0) | (np.diff(np.flatnonzero(hit)) != 1)
-    counts = _unbroken(points, spacing * radius * heights / slant, lifted)
-
-    colors = np.broadcast_to(np.asarray(color, np.float32), (len(points), 3))
+    at, curve = _resampled(paths, spacing * radius, aspect)
+    seen = _seen_at(scene, tracer, camera, at, aspect)
+    at, heights = at[seen.row], _picture_height(camera, seen.points, aspect)
+    slant = np.abs((seen.normals * unit(seen.eye - seen.points)).sum(1)).clip(0.1, 1)
+    lifted = (np.diff(curve[seen.row]) != 0) | (np.diff(seen.row) != 1)
+    colors = np.broadcast_to(np.asarray(color, np.float32), (len(at), 3))
     if image is not None:
-        colors = sample_picture(image, at[hit])
+        colors = sample_picture(image, at)
     stroke = Stroke(
-        points=points,
+        points=seen.points,
         widths=(2 * radius * heights).astype(np.float32),
         colors=np.ascontiguousarray(colors, np.float32),
-        eye=eye,
-        normals=normals,
-        curve_counts=counts,
+        eye=seen.eye,
+        normals=seen.normals,
+        curve_counts=_unbroken(seen.points, spacing * radius * heights / slant, lifted),
         frame=scene.frame,
-        **_anchors(scene, triangle, uv),
+        **_anchors(scene, seen.triangle, seen.barycentric),
         **meant,
     )
     stroke = _take(stroke, *_double_single_points(stroke.counts))
     validate_stroke(stroke)
     return stroke
+
+
+@dataclass(frozen=True)
+class _Seen:
+    """What the camera sees at places of the picture: n of them show a surface."""
+
+    row: NDArray  # (n,) of the places
+    triangle: NDArray  # (n,)
+    barycentric: F32  # (n, 2)
+    points: F32  # (n, 3)
+    normals: F32  # (n, 3) on the side of the eye
+    eye: F32  # (n, 3)
+
+
+def _seen_at(scene: Scene, tracer: RayTracer, camera: Camera, at: NDArray, aspect: float) -> _Seen:
+    rays = camera_rays(camera, at, aspect)
+    hits = tracer.intersect(rays.origin, rays.direction)
+    row = np.flatnonzero((hits.triangle >= 0) & (hits.distance <= rays.limit))
+    if not len(row):
+        raise StrokeError(
+            f"the stroke lies off every surface that the camera {camera.path} sees: move its path onto one"
+        )
+    triangle, uv = hits.triangle[row], hits.barycentric[row].astype(np.float32)
+    points, normals = points_on_triangles(scene, triangle, uv)
+    eye = _eyes(camera, rays.origin[row], rays.direction[row])
+    normals = turned_towards(normals, scene.triangles.face_normals[triangle], eye - points)
+    return _Seen(row, triangle, uv, points, normals, eye)
 
 
 def _unbroken(points: NDArray, expected: NDArray, lifted: NDArray) -> tuple[int, ...]:
@@ -153,6 +163,14 @@ def sample_picture(image: NDArray, at: ArrayLike) -> F32:
     top = image[y0, x0] * (1 - fx) + image[y0, x1] * fx
     bottom = image[y1, x0] * (1 - fx) + image[y1, x1] * fx
     return (top * (1 - fy) + bottom * fy).astype(np.float32)
+
+
+def _resampled(paths: Sequence[ArrayLike], step: float, aspect: float) -> tuple[F64, NDArray]:
+    """Returns points (n, 2) of all paths, and (n,) the path of each."""
+    curves = [_resample(path, step, aspect) for path in paths]
+    if not sum(map(len, curves)):
+        raise StrokeError("the stroke's path is empty: give at least one point x,y in 0..1")
+    return np.concatenate(curves), np.repeat(np.arange(len(curves)), [len(c) for c in curves])
 
 
 def _resample(path: ArrayLike, step: float, aspect: float) -> F64:
