@@ -8,6 +8,7 @@ rays are traced against.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -112,6 +113,15 @@ class Mesh:
     prototype: str = ""  # path of the prim that an opinion has to be written on, "" if path itself
     has_points: bool = True  # authored ones, that stay where they are: no skin, no implicit shape
     is_animated: bool = False  # it may be elsewhere, or of another shape, at another frame
+
+    def coordinates(self, name: str) -> F32 | None:
+        """Returns texture coordinates (T, 3, 2), the first two of more floats; None where there are none.
+
+        Args:
+            name: of the primvar that holds them.
+        """
+        wide = self.primvars.get(name)
+        return self.uvs.get(name) if wide is None or wide.shape[2] < 2 else wide[..., :2]
 
 
 @dataclass(frozen=True)
@@ -249,7 +259,7 @@ class Scene:
         Args:
             name: of the primvar that holds them.
         """
-        return self._corner_values("uvs", name, 2)
+        return self._corner_values(Mesh.coordinates, name, 2)
 
     def corner_primvar(self, name: str, size: int) -> F32:
         """Returns the values (T, 3, size) of a primvar at the corners of all triangles; nan where a mesh has none.
@@ -258,22 +268,22 @@ class Scene:
             name: of the primvar, without `primvars:`.
             size: components of a value; 1 to 4.
         """
-        return self._corner_values("primvars", name, size)
+        return self._corner_values(lambda mesh, name: mesh.primvars.get(name), name, size)
 
-    def _corner_values(self, table: str, name: str, size: int) -> F32:
-        key = (table, name, size)
+    def _corner_values(self, of: Callable[[Mesh, str], F32 | None], name: str, size: int) -> F32:
+        key = (of is Mesh.coordinates, name, size)
         if key not in self._corner_cache:
             out = np.full((len(self.triangles.mesh), 3, size), np.nan, np.float32)
             first = self.triangles.first_of_mesh
             for i, m in enumerate(self.meshes):
-                value = getattr(m, table).get(name)
+                value = of(m, name)
                 if value is not None:
                     out[first[i] : first[i + 1]] = value[..., :size]
             self._corner_cache[key] = out
         return self._corner_cache[key]
 
     @cached_property
-    def _corner_cache(self) -> dict[tuple[str, str, int], F32]:
+    def _corner_cache(self) -> dict[tuple[bool, str, int], F32]:
         return {}
 
     @cached_property

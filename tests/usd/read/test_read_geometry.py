@@ -31,7 +31,7 @@ def add_mesh(s, path, points, faces, scheme="none"):
     return mesh
 
 
-def read(s, time=DEFAULT, refine=1, material=lambda prim: 0):
+def read(s, time=DEFAULT, refine=1, material=lambda prim, given: 0):
     warnings: list[str] = []
     return read_meshes(s, time, material, refine, warnings), warnings
 
@@ -270,7 +270,7 @@ def test_other_primvars_inherited_ones_and_those_that_do_not_fit():
     api.CreatePrimvar("label", Sdf.ValueTypeNames.StringArray, "vertex").Set(["a"] * 4)
     api.CreatePrimvar("pref", Sdf.ValueTypeNames.Point3fArray, "vertex").Set(SQUARE)
     out = only(s)
-    assert set(out.primvars) == {"displayColor", "one", "vector", "wear"}
+    assert set(out.primvars) == {"displayColor", "one", "vector", "wear", "pref"}  # which a material may read
     assert np.allclose(out.primvars["displayColor"], [1, 0.5, 0]) and out.primvars["one"].shape == (2, 3, 1)
     assert np.allclose(out.primvars["vector"], [1, 2, 3])
     assert np.array_equal(out.primvars["wear"][..., 0], out.triangles)
@@ -465,7 +465,7 @@ def test_subsets_bind_materials_by_face():
     material = UsdShade.Material.Define(s, "/mtl")
     UsdShade.MaterialBindingAPI.Apply(second.GetPrim()).Bind(material)
     table = {"/m": 5, "/m/first": 6, "/m/second": 7}
-    out = only(s, material=lambda prim: table[str(prim.GetPath())])
+    out = only(s, material=lambda prim, given: table[str(prim.GetPath())])
     assert out.subsets == ("/m/first", "/m/second")
     assert out.subset_of_triangle is not None
     of_face = dict(zip(out.face_of_triangle.tolist(), out.material_of_triangle.tolist(), strict=True))
@@ -475,7 +475,7 @@ def test_subsets_bind_materials_by_face():
     # The mesh's own material is not asked for when subsets cover all of it.
     first.GetIndicesAttr().Set([0, 1, 3])
     del table["/m"]
-    assert set(only(s, material=lambda prim: table[str(prim.GetPath())]).material_of_triangle) == {6, 7}
+    assert set(only(s, material=lambda prim, given: table[str(prim.GetPath())]).material_of_triangle) == {6, 7}
 
 
 def skinned_stage():

@@ -6,7 +6,7 @@ skinned meshes, with their primvars and GeomSubsets.  A shape is built once for 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -26,12 +26,14 @@ TRIANGLES_MAX = 30_000_000  # of a stage, after instancing
 REFINED_TRIANGLES_MAX = 3_000_000  # of a stage; cages are refined less rather than pass it
 
 _CONSTANT = {"constant": 1}
+MaterialIndex = Callable[[Usd.Prim, Mapping[str, F64]], int]
+"""Index into the material table of what a gprim or GeomSubset shows, with the primvars that an instancer gives it."""
 
 
 def read_meshes(
     stage: Usd.Stage,
     time: Usd.TimeCode,
-    material_index: Callable[[Usd.Prim], int],
+    material_index: MaterialIndex,
     refine: int = 1,
     warnings: list[str] | None = None,
 ) -> list[Mesh]:
@@ -99,7 +101,8 @@ class _Read:
 
     shape: Shape
     constant: dict[str, F64]
-    world_from_points: F64 | None = None  # of skinned points
+    world_from_points: F64 | None = None  # of what is skinned, where it stands in the stage by itself
+    object_from_world: F64 | None = None  # of the gprim itself there: PointInstancers put it elsewhere
     is_animated: bool = False  # the shape
 
 
@@ -114,9 +117,12 @@ class _Reader:
 
     def shape(self, prim: Usd.Prim) -> _Read | None:
         """Returns the shape of a gprim, or none (with a note) where it is not read."""
-        query = self._skins.query(prim) if prim.IsA(UsdGeom.Mesh) else None
+        query = self._skins.query(prim) if prim.IsA(UsdGeom.Mesh) or str(prim.GetTypeName()) in SIZES else None
         if query is not None:
-            return self._read(prim, query)
+            key = prim.GetPath()
+            if key not in self._shared:
+                self._shared[key] = self._read(prim, query)
+            return self._shared[key]
         key = _own(prim).GetPath()
         if key not in self._shared:
             self._shared[key] = self._read(prim, None)
@@ -162,17 +168,22 @@ class _Reader:
             self._notes.add("the gprim {} has no triangle with an area; left out", path)
             return None
         world = posed.world_from_points if posed else None
+        if query is not None and kind in SIZES:
+            world = self._skins.place(prim, query)
         shaped_by = SIZES.get(kind, ("points", "faceVertexCounts", "faceVertexIndices"))
         varies = any(prim.GetAttribute(name).ValueMightBeTimeVarying() for name in shaped_by)
-        return _Read(shape, primvars.constant, world, varies or query is not None)
+        own = self._skins.object_from_world(prim) if world is not None else None
+        return _Read(shape, primvars.constant, world, own, varies or query is not None)
 
 
 def _mesh(
-    placed: Placed, read: _Read, material_index: Callable[[Usd.Prim], int], time: Usd.TimeCode, notes: Notes
+    placed: Placed, read: _Read, material_index: MaterialIndex, time: Usd.TimeCode, notes: Notes
 ) -> Mesh | None:
     """Puts a shape into the world and binds its materials."""
     shape, prim = read.shape, placed.prim
     world = placed.world_from_object if read.world_from_points is None else read.world_from_points
+    if read.world_from_points is not None and read.object_from_world is not None and placed.is_placed_by_instancer:
+        world = placed.world_from_object @ read.object_from_world @ read.world_from_points
     if not np.isfinite(world).all():
         notes.add("the transform of {} is not finite; left out", prim.GetPath())
         return None
@@ -189,7 +200,7 @@ def _mesh(
     for name, values in shape.primvars.items():
         corner_values[name] = (values[:, [0, 2, 1]] if mirrored else values)[keep]
     face = shape.face[keep]
-    material, subset, subsets = _materials(prim, face, material_index, time, notes)
+    material, subset, subsets = _materials(placed, face, material_index, time, notes)
     return Mesh(
         path=placed.path,
         positions=positions,
@@ -210,16 +221,17 @@ def _mesh(
 
 
 def _materials(
-    prim: Usd.Prim,
+    placed: Placed,
     face: I32,
-    material_index: Callable[[Usd.Prim], int],
+    material_index: MaterialIndex,
     time: Usd.TimeCode,
     notes: Notes,
 ) -> tuple[I32, I32 | None, tuple[str, ...]]:
     """Material (T,) and subset (T,) of each triangle, and the paths of the subsets that bind."""
+    prim, given = placed.prim, placed.primvars
     binding = [s for s in UsdGeom.Subset.GetAllGeomSubsets(UsdGeom.Imageable(prim)) if _binds(s)]
     if not binding:
-        return np.full(len(face), material_index(prim), np.int32), None, ()
+        return np.full(len(face), material_index(prim, given), np.int32), None, ()
     count = int(face.max(initial=0)) + 1
     of_face = np.full(count, -1, np.int32)
     for i, subset in enumerate(binding):
@@ -230,8 +242,8 @@ def _materials(
         of_face[indices[of_face[indices] < 0]] = i  # the first subset wins where they overlap
     subset_of = of_face[face]
     # The gprim's own material is asked for only where it shows.
-    table = [material_index(s.GetPrim()) for s in binding]
-    table.append(material_index(prim) if (subset_of < 0).any() else 0)
+    table = [material_index(s.GetPrim(), given) for s in binding]
+    table.append(material_index(prim, given) if (subset_of < 0).any() else 0)
     return np.array(table, np.int32)[subset_of], subset_of, tuple(str(s.GetPath()) for s in binding)
 
 

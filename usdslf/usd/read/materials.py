@@ -7,15 +7,17 @@ What is bound, and by which UsdPreviewSurface it shows, is usd/binding's.  Anyth
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 from pxr import Sdf, Usd, UsdGeom, UsdShade
 
 from usdslf.color import USD_DEFAULT_SPACE, Color
-from usdslf.scene.records import Input, Material, Mesh, PrimvarInput, Texture, constant
+from usdslf.scene.records import F64, Input, Material, Mesh, PrimvarInput, Texture, constant
 from usdslf.textures import images
 from usdslf.textures.texels import WRAPS
 from usdslf.usd.binding import bound_material, named_material, preview_surface, render_contexts
@@ -52,8 +54,12 @@ class MaterialTable:
         self._stand_ins: dict[int, dict[tuple[str, str], None]] = {}  # index -> (reason, prim)
         self._read: dict[Sdf.Path, Material | None] = {}
 
-    def __call__(self, prim: Usd.Prim) -> int:
-        """Returns the index of the material that a gprim or GeomSubset shows."""
+    def __call__(self, prim: Usd.Prim, given: Mapping[str, F64] = MappingProxyType({})) -> int:
+        """Returns the index of the material that a gprim or GeomSubset shows.
+
+        Args:
+            given: primvars (k,) that a PointInstancer gives this instance of it.
+        """
         bound = bound_material(prim)
         if bound:
             path = bound.GetPath()
@@ -68,12 +74,12 @@ class MaterialTable:
                 f"{path} has no UsdPreviewSurface (it has {outputs}): bind a new UsdPreviewSurface "
                 f"material (--make-preview makes one), final renders by other contexts would not follow it"
             )
-            return self._stand_in(prim, str(path), why, (reason, str(path)))
+            return self._stand_in(prim, str(path), why, (reason, str(path)), given)
         is_named = not named_material(prim).isEmpty
         what = "the binding of {} names no material" if is_named else "no material is bound to {}"
         note = (f"{what}: displayColor, else grey, is shown", str(prim.GetPath()))
         why = "no material is bound: bind a UsdPreviewSurface material first (--make-preview makes one)"
-        return self._stand_in(prim, "", why, note)
+        return self._stand_in(prim, "", why, note, given)
 
     def used(self, meshes: list[Mesh]) -> tuple[list[Mesh], list[Material]]:
         """Returns meshes and materials without the materials that no triangle has; notes used stand-ins."""
@@ -106,20 +112,27 @@ class MaterialTable:
             self.materials.append(material)
         return self._index[key]
 
-    def _stand_in(self, prim: Usd.Prim, path: str, why: str, note: tuple[str, str]) -> int:
+    def _stand_in(
+        self, prim: Usd.Prim, path: str, why: str, note: tuple[str, str], given: Mapping[str, F64]
+    ) -> int:  # fmt: skip
         """Numbers what a gprim shows without a UsdPreviewSurface: one entry for each look."""
         gprim = prim if prim.IsA(UsdGeom.Gprim) else prim.GetParent()
-        diffuse, color_key = self._display(gprim, "displayColor", (0.18, 0.18, 0.18))
-        opacity, opacity_key = self._display(gprim, "displayOpacity", (1.0,))
+        diffuse, color_key = self._display(gprim, "displayColor", (0.18, 0.18, 0.18), given)
+        opacity, opacity_key = self._display(gprim, "displayOpacity", (1.0,), given)
         material = Material(path=path, diffuse_color=diffuse, opacity=opacity, why_not_editable=why)
         index = self._number((path, color_key, opacity_key), material)
         self._stand_ins.setdefault(index, {})[note] = None
         return index
 
-    def _display(self, gprim: Usd.Prim, name: str, fallback: tuple[float, ...]) -> tuple[Input, Any]:
+    def _display(
+        self, gprim: Usd.Prim, name: str, fallback: tuple[float, ...], given: Mapping[str, F64]
+    ) -> tuple[Input, Any]:  # fmt: skip
         """Returns displayColor or displayOpacity as an input, and a key for equal ones."""
         primvar = UsdGeom.PrimvarsAPI(gprim).FindPrimvarWithInheritance(name)
         value = primvar.Get(self._time) if primvar else None
+        if name in given and len(given[name]) == len(fallback) and is_from_instancer(gprim, name):
+            key = tuple(float(x) for x in given[name])
+            return _constant(key, self._color, USD_DEFAULT_SPACE), key
         if value is None or len(value) == 0:
             return constant(*fallback), fallback
         if len(value) > 1:
@@ -351,6 +364,16 @@ def _constant(values: tuple[float, ...], color: Color, space: str) -> Input:
 def color_space_of(attribute: Usd.Attribute) -> str:
     """Returns the colour space of an authored colour: the attribute's, an ancestor's, else USD's default."""
     return str(Usd.ColorSpaceAPI.ComputeColorSpaceName(attribute, None)) or USD_DEFAULT_SPACE
+
+
+def is_from_instancer(gprim: Usd.Prim, name: str) -> bool:
+    """Whether a gprim of a PointInstancer has no primvar of a name of its own, nor from above within its prototype."""
+    at = gprim
+    while at and not at.IsPseudoRoot() and not at.IsA(UsdGeom.PointInstancer):
+        if UsdGeom.PrimvarsAPI(at).GetPrimvar(name).HasAuthoredValue():
+            return False
+        at = at.GetParent()
+    return True
 
 
 def _four(value: Any) -> tuple[float, float, float, float]:

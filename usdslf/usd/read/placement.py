@@ -32,6 +32,11 @@ class Placed:
     primvars: dict[str, F64] = field(default_factory=dict)  # that a PointInstancer gives this instance
     is_moving: bool = False  # its transform may be another one at another time
 
+    @property
+    def is_placed_by_instancer(self) -> bool:
+        """Whether a PointInstancer puts it where it is."""
+        return self.path != str(self.prim.GetPath())
+
 
 @dataclass(frozen=True)
 class _Frame:

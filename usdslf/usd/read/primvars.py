@@ -34,9 +34,8 @@ def read_primvars(
     out = Primvars()
     for primvar in primvars:
         name = str(primvar.GetPrimvarName())
-        # Points, normals and vectors (rest positions, tangents) drive no input of a material.
-        geometric = primvar.GetTypeName().role in ("Point", "Normal", "Vector")
-        if geometric or name == "normals" or name.startswith("skel:") or primvar.GetElementSize() != 1:
+        # Whatever its role, a reader of three floats takes it for a colour.
+        if name == "normals" or name.startswith("skel:") or primvar.GetElementSize() != 1:
             continue
         values = numbers(primvar.GetAttr().Get(time))
         if values is None or values.shape[1] > 4:

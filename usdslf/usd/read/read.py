@@ -175,7 +175,7 @@ def _note_primvars(meshes: list[Mesh], materials: list[Material], notes: Notes) 
 
 def _note_coordinates(mesh: Mesh, texture: Texture, notes: Notes) -> None:
     """Notes missing texture coordinates, and those that leave a texture that is black outside."""
-    uv = mesh.uvs.get(texture.uv_set)
+    uv = mesh.coordinates(texture.uv_set)
     if uv is None:
         has = f" (it has {', '.join(sorted(mesh.uvs))})" if mesh.uvs else ""
         notes.add(f"no texture coordinates {texture.uv_set} on {{}}{has}: its textures show one texel", mesh.path)

@@ -1,7 +1,8 @@
-"""UsdSkel: points and normals of skinned meshes at a frame.
+"""UsdSkel: points and normals of skinned meshes, and places of other skinned gprims, at a frame.
 
 Blend shapes (with inbetweens), then linear or dual quaternion skinning by UsdSkel itself.  Normals follow
-the blended joint matrices; normal offsets of blend shapes are not applied.
+the blended joint matrices; normal offsets of blend shapes are not applied.  Gprims without points (spheres,
+cubes, ...) follow their joints rigidly, as UsdSkel.BakeSkinning has it.
 """
 
 from __future__ import annotations
@@ -41,16 +42,47 @@ class Skins:
             return None
         if root.GetPath() not in self._roots:
             self._roots[root.GetPath()] = True
-            self._cache.Populate(root, Usd.TraverseInstanceProxies())
+            at = root.GetPrim()
+            is_shown = at.IsDefined() and not at.IsAbstract()  # prototypes may stand below an `over` or in a class
+            found = Usd.PrimDefaultPredicate if is_shown else Usd.PrimIsActive & Usd.PrimIsLoaded
+            self._cache.Populate(root, Usd.TraverseInstanceProxies(found))
         query = self._cache.GetSkinningQuery(prim)
         return query if query and (query.HasJointInfluences() or query.HasBlendShapes()) else None
 
-    def pose(self, prim: Usd.Prim, query: UsdSkel.SkinningQuery, points: Any) -> Posed | None:
-        """Deforms points (a Vt.Vec3fArray) of a skinned prim; none where its skeleton cannot be read."""
+    def _skeleton(self, prim: Usd.Prim) -> UsdSkel.SkeletonQuery | None:
+        """The skeleton that a prim follows; none, and a note, where it cannot be read."""
         skeleton = UsdSkel.BindingAPI(prim).GetInheritedSkeleton()
         skel = self._cache.GetSkelQuery(skeleton) if skeleton else None
         if not skel:
             self._notes.add("the skeleton of {} cannot be read; it is shown in its rest pose", prim.GetPath())
+        return skel or None
+
+    def place(self, prim: Usd.Prim, query: UsdSkel.SkinningQuery) -> F64 | None:
+        """Returns world_from_object (4, 4) of a skinned gprim without points; none where it cannot follow."""
+        skel = self._skeleton(prim)
+        if skel is None:
+            return None
+        if not query.IsRigidlyDeformed():
+            self._notes.add("{} has no points and no constant joint weights; it is not skinned", prim.GetPath())
+            return None
+        joints = skel.ComputeSkinningTransforms(self._time)
+        moved = None if joints is None else query.ComputeSkinnedTransform(joints, self._time)
+        if moved is None:
+            self._notes.add("the joints of {} do not fit it; it is shown in its rest pose", prim.GetPath())
+            return None
+        return np.array(moved * self._xforms.GetLocalToWorldTransform(skel.GetPrim()), np.float64).T
+
+    def object_from_world(self, prim: Usd.Prim) -> F64 | None:
+        """Returns the inverse (4, 4) of a prim's own place in the stage; none where it has none (a scale of 0)."""
+        world = np.array(self._xforms.GetLocalToWorldTransform(prim), np.float64).T
+        if not np.isfinite(world).all() or np.linalg.det(world[:3, :3]) == 0:
+            return None
+        return np.asarray(np.linalg.inv(world), np.float64)
+
+    def pose(self, prim: Usd.Prim, query: UsdSkel.SkinningQuery, points: Any) -> Posed | None:
+        """Deforms points (a Vt.Vec3fArray) of a skinned prim; none where its skeleton cannot be read."""
+        skel = self._skeleton(prim)
+        if skel is None:
             return None
         points = Vt.Vec3fArray(points)
         if query.HasBlendShapes():
