@@ -457,6 +457,7 @@ class Session:
             "workingSpace": scene.working_space,
             "device": self.device.name,
             "solve": self._how(),
+            **({"frame": scene.frame} if np.isfinite(scene.frame) else {}),
         }
         if self.model == "phong":
             self._warn_of_phong()

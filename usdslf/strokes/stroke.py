@@ -12,6 +12,7 @@ picture's height.  In the world the brush is a ball of that size at the depth of
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass, field
@@ -135,6 +136,38 @@ def validate_stroke(stroke: Stroke) -> None:
         raise StrokeError(f"{where} clones from itself: give it a clone offset")
     if s.has_anchors and ((s.surface_index < -1) | (s.surface_index >= len(s.surfaces))).any():
         raise StrokeError(f"{where} points to surfaces that it does not list: paint it again")
+
+
+def frame_of(strokes: Iterable[Stroke], asked: float | None, warnings: list[str]) -> float | None:
+    """Returns the time code at which strokes are to be looked at: what is asked for, else their own.
+
+    Args:
+        asked: time code; None: as the strokes have it.
+        warnings: takes a sentence where strokes are looked at elsewhere than they were painted.
+
+    Raises:
+        StrokeError: nothing is asked for, and the strokes are of several frames.
+    """
+    painted: dict[float | None, list[str]] = {}
+    for stroke in strokes:
+        painted.setdefault(None if math.isnan(stroke.frame) else stroke.frame, []).append(stroke.path)
+    if asked is None:
+        if len(painted) > 1:
+            several = ", ".join(f"{paths[0]} at {_in_words(own)}" for own, paths in painted.items())
+            raise StrokeError(
+                f"the strokes were painted at several frames, {several}: name one with --frame, "
+                "or keep those of each frame in a layer of their own"
+            )
+        return next(iter(painted), None)
+    for own, paths in painted.items():
+        if own is not None and own != asked:
+            names = ", ".join(paths)
+            warnings.append(f"{names}: painted at {_in_words(own)}, looked at in the light of frame {asked:g}")
+    return asked
+
+
+def _in_words(frame: float | None) -> str:
+    return "no frame" if frame is None else f"frame {frame:g}"
 
 
 def next_name(strokes: Iterable[Stroke]) -> str:

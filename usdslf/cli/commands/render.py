@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import click
@@ -12,6 +12,7 @@ from usdslf.cli.program import Command, Settings, Several, gathered, settings
 from usdslf.cli.shot_options import Lighting, lighting_options
 from usdslf.cli.terminal import progress, warn
 from usdslf.errors import StrokeError
+from usdslf.strokes.stroke import frame_of
 
 if TYPE_CHECKING:
     from usdslf.similarity.similarity import Weights
@@ -83,18 +84,21 @@ def render(settings: Settings, stage: str, shot: Lighting, picture: Picture, abo
     output, aovs = picture.output, picture.aovs
     check_picture(output, aovs)
     weights = about.weights(aovs)
+    heard: list[str] = []
+    chosen = _strokes_of(about.strokes, about.stroke_name, heard) if about.strokes else []
+    if chosen:
+        shot = replace(shot, frame=frame_of(chosen, shot.frame, heard))
     with progress(settings.quiet) as say:
         session = shot.open(settings, open_edited(stage, picture.edits) if picture.edits else stage, say)
         view = session.camera(picture.camera)
         size, similar = picture.size or film_size(view), {}
         if about.strokes:
-            chosen = _strokes_of(about.strokes, about.stroke_name, session.warnings)
             similar = {SIMILARITY: session.similarity(chosen, view, size, weights)}
         shown = tuple(a for a in aovs if a != SIMILARITY)
         grey = bool(about.strokes) and output.lower().endswith(".png")
         pictures = {**({} if grey else session.render(view, size, shown, samples=picture.samples)), **similar}
     write_picture(output, pictures, session.scene, aovs)
-    warn(session.warnings, settings.quiet)
+    warn([*heard, *session.warnings], settings.quiet)
     click.echo(output)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import click
@@ -11,7 +11,7 @@ from usdslf.cli.look_options import LookFiles, look_options, write_look
 from usdslf.cli.parameters import Choose, Similarity, Weights
 from usdslf.cli.program import Command, Settings, gathered, settings
 from usdslf.cli.shot_options import Lighting, lighting_options
-from usdslf.strokes.stroke import NORMS
+from usdslf.strokes.stroke import NORMS, frame_of
 
 if TYPE_CHECKING:
     from usdslf.session import Session
@@ -71,9 +71,13 @@ def solve(
     weighed = Options.of(choice.weights) if choice.weights is not None else None
     similar = similarity.Weights(*choice.similarity) if choice.similarity is not None else None
     files.check()
+    heard: list[str] = []
+    painted = read_strokes(strokes, heard)
+    shot = replace(shot, frame=frame_of([s for s in painted if s.active], shot.frame, heard))
 
     def find(session: Session) -> None:
-        for each in read_strokes(strokes, session.warnings):
+        session.warnings += heard
+        for each in painted:
             session.add_stroke(each)
         session.solve(choice.norm, dict(choice.choose), weighed, similar)
 
