@@ -80,6 +80,7 @@ def render(settings: Settings, stage: str, shot: Lighting, picture: Picture, abo
     from usdslf.outputs import SIMILARITY, check_picture, write_picture
     from usdslf.scene.cameras import film_size
     from usdslf.usd.edited import open_edited
+    from usdslf.usd.review.validate import validate
 
     output, aovs = picture.output, picture.aovs
     check_picture(output, aovs)
@@ -90,6 +91,9 @@ def render(settings: Settings, stage: str, shot: Lighting, picture: Picture, abo
         shot = replace(shot, frame=frame_of(chosen, shot.frame, heard))
     with progress(settings.quiet) as say:
         session = shot.open(settings, open_edited(stage, picture.edits) if picture.edits else stage, say)
+        if picture.edits:
+            found = validate(session.stage, settings.ocio)
+            heard += [f.message for f in found if f.name in ("DanglingOver", "HiddenEdit")]
         view = session.camera(picture.camera)
         size, similar = picture.size or film_size(view), {}
         if about.strokes:

@@ -35,6 +35,10 @@ def read_camera(camera: UsdGeom.Camera, world: Gf.Matrix4d, time: Usd.TimeCode, 
         focal_length = 50.0
     if perspective and (camera.GetFStopAttr().Get(time) or 0) > 0:
         notes.add("depth of field of camera {} is not shown", path)
+    exposure = camera.ComputeLinearExposureScale(time)
+    if abs(exposure - 1) > 1e-6:
+        reason = f"the exposure of camera {{}} (a factor of {exposure:.4g}) is not applied: pictures are radiance"
+        notes.add(reason, path)
     return Camera(
         path=str(path),
         world_from_camera=rigid(np.array(world, np.float64).T),

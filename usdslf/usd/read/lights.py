@@ -31,6 +31,7 @@ KINDS = {
     "DomeLight": "dome",
     "DomeLight_1": "dome",
 }
+_OLD_NAMES = "since USD 21.02 the inputs of lights begin with inputs:"
 # Turns code that knows a +Y pole with longitude 0 at +Z to a +Z pole with longitude 0 at -Y.
 _Z_POLE = np.array([[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]])
 
@@ -180,6 +181,9 @@ def _texture(prim: Usd.Prim, kind: str, time: Usd.TimeCode, color: Color, notes:
 def _note_unsupported(prim: Usd.Prim, kind: str, time: Usd.TimeCode, notes: Notes) -> None:
     """Notes what a light asks for and does not get."""
     path = prim.GetPath()
+    old = [n for n in prim.GetAuthoredPropertyNames() if prim.HasAttribute(f"inputs:{n}")]
+    if old:
+        notes.add(f"{', '.join(old)} of light {{}} {'is' if len(old) == 1 else 'are'} ignored: {_OLD_NAMES}", path)
     for name in ("lightLink", "shadowLink"):
         links = Usd.CollectionAPI(prim, name)
         if not links:

@@ -80,6 +80,9 @@ def read_scene(
     time = time_code(stage, frame)
     color = color_of(ocio, working_space_of(stage))
     notes, warnings = Notes(), composition_warnings(stage)
+    authored = stage.GetRootLayer().pseudoRoot.GetInfo("upAxis")
+    if authored and authored not in ("Y", "Z"):
+        warnings.append(f"upAxis of {name} is {authored!r}, which is neither Y nor Z: {_up_axis(stage)} is taken")
     with quiet_usd():
         table = MaterialTable(time, color, notes)
         meshes = read_meshes(stage, time, table, refine, warnings)
@@ -97,12 +100,17 @@ def read_scene(
         materials=tuple(materials),
         lights=tuple(lights),
         cameras=tuple(cameras),
-        up_axis=str(UsdGeom.GetStageUpAxis(stage)),
+        up_axis=_up_axis(stage),
         meters_per_unit=UsdGeom.GetStageMetersPerUnit(stage),
         warnings=tuple(dict.fromkeys([*warnings, *notes.sentences()])),
         ocio=ocio or "",
         working_space=color.working_space,
     )
+
+
+def _up_axis(stage: Usd.Stage) -> str:
+    axis = str(UsdGeom.GetStageUpAxis(stage))
+    return axis if axis in ("Y", "Z") else "Y"
 
 
 def working_space_of(stage: Usd.Stage) -> str:

@@ -1,0 +1,44 @@
+"""What a stage asks for and does not get is said."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from usdslf.usd.read.read import read_scene
+
+
+def test_inputs_of_lights_by_their_old_names(inputs: Path) -> None:
+    scene = read_scene(inputs / "weak/old_light_names.usda")
+    assert [light.radiance[0] for light in scene.lights if light.kind == "dome"] == [1.0]
+    said = [w for w in scene.warnings if "inputs:" in w]
+    assert any("intensity" in w and "texture:file" in w and "/World/old" in w for w in said)
+    assert any("angle" in w and "/World/old2" in w for w in said)
+
+
+def test_the_exposure_of_a_camera(inputs: Path) -> None:
+    (said,) = [w for w in read_scene(inputs / "weak/camera_exposure.usda").warnings if "exposure" in w]
+    assert "/World/cam" in said and "factor of 4" in said
+
+
+@pytest.mark.parametrize("axis", ["X", "W", "y"])
+def test_an_up_axis_that_is_none(tmp_path: Path, axis: str, inputs: Path) -> None:
+    text = (inputs / "weak/camera_exposure.usda").read_text().replace('upAxis = "Y"', f'upAxis = "{axis}"')
+    (tmp_path / "s.usda").write_text(text)
+    scene = read_scene(tmp_path / "s.usda")
+    assert scene.up_axis == "Y" and any(f"'{axis}'" in w and "upAxis" in w for w in scene.warnings)
+
+
+def test_a_look_that_finds_nothing(inputs: Path, tmp_path: Path, run: Callable) -> None:
+    strokes, look = tmp_path / "strokes.usda", tmp_path / "look.usda"
+    shots = inputs / "weak/shot_ab"
+    brush = ("--path", "0.47,0.5 0.53,0.5", "--color", ".1,.4,.05", "--camera", "/World/cam")
+    assert run("stroke", shots / "A.usda", strokes, *brush)[0] == 0
+    assert run("solve", shots / "A.usda", strokes, "-o", look, "--elements", 500)[0] == 0
+    to = ("-o", tmp_path / "p.exr", "--edits", look, "--size", "16x9", "--samples", 1, "--elements", 200)
+    code, _, err = run("render", shots / "A.usda", *to)
+    assert code == 0 and "/World/m" not in err
+    code, _, err = run("render", shots / "B.usda", *to)
+    assert code == 0 and "/World/m" in err and "look.usda" in err, err
