@@ -21,7 +21,8 @@ from usdslf.animation.frames import Placed, carry
 from usdslf.animation.revealed import DarkProbes, probe_dark
 from usdslf.color import Color, color_of
 from usdslf.edits.edits import MaterialChange
-from usdslf.elements.elements import ElementLookup, Elements, refresh_reflectance, sample_elements
+from usdslf.elements.elements import Elements, refresh_reflectance, sample_elements
+from usdslf.elements.lookup import ElementLookup
 from usdslf.errors import InputError, SolveError, StageError, StrokeError
 from usdslf.gpu.device import Device, open_device
 from usdslf.inference.answers import Answer, Painted, Pool

@@ -9,8 +9,8 @@ from reference.visibility import square_cells
 from scipy.spatial import cKDTree
 
 from usdslf.elements.cells import cell_centres, cell_of
-from usdslf.elements.elements import ElementLookup, sample_elements, share_out
-from usdslf.elements.lookup import blend_weights, link_rays
+from usdslf.elements.elements import sample_elements, share_out
+from usdslf.elements.lookup import ElementLookup, blend_weights, link_rays
 from usdslf.errors import StageError
 from usdslf.gpu.device import open_device
 from usdslf.light_field.visibility import BLOCKED, ESCAPES

@@ -8,7 +8,8 @@ from types import SimpleNamespace
 import numpy as np
 from kit.scene_records import make_scene
 
-from usdslf.elements.elements import ElementLookup, Elements, sample_elements
+from usdslf.elements.elements import Elements, sample_elements
+from usdslf.elements.lookup import ElementLookup
 from usdslf.gpu.device import Device
 from usdslf.light_field.light_field import LightField
 from usdslf.light_field.static_light import static_light

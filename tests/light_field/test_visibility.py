@@ -5,7 +5,8 @@ import pytest
 from kit.scene_records import box, lamp, make_mesh, make_scene, quad, sphere
 from reference.visibility import first_hits, nearest_elements, square_cells
 
-from usdslf.elements.elements import ElementLookup, sample_elements
+from usdslf.elements.elements import sample_elements
+from usdslf.elements.lookup import ElementLookup
 from usdslf.gpu.device import open_device
 from usdslf.light_field.visibility import BATCH, BLOCKED, ESCAPES, outgoing_directions, trace_visibility
 from usdslf.rays import LEAST_COSINE, RayTracer, points_at

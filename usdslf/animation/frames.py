@@ -59,7 +59,7 @@ def carry(first: Placed, scene: Scene, tracer: RayTracer, device: Device) -> Pla
     elements = wake_elements(elements, first.probes, scene, tracer, np.random.default_rng(0))
     if len(elements) == len(first.elements) and not moved.meshes.any():
         return replace(first, scene=scene, elements=elements)
-    lookup = ElementLookup(scene, tracer, elements, first.lookup, moved)
+    lookup = first.lookup.after(scene, tracer, elements, moved)
     visibility = retrace(first.visibility, first.lookup, elements, lookup, tracer, device, moved)
     return Placed(scene, elements, lookup, visibility, first.probes)
 

@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from usdslf.elements.lookup import ElementLookup
 from usdslf.elements.reachability import PROBE_ROUNDS, ROUNDS, find_living_points, share_of_living
 from usdslf.errors import StageError
 from usdslf.sampling.blue_noise import choose_blue_noise, surface_coordinates
@@ -24,8 +23,6 @@ from usdslf.surfaces.surface_points import SurfacePoints, evaluate_surface
 
 if TYPE_CHECKING:
     from usdslf.rays import RayTracer
-
-__all__ = ["ElementLookup", "Elements", "sample_elements"]
 
 CANDIDATES = 8  # per element
 PROBES = 10  # points per part that are asked first whether a side is alive

@@ -58,45 +58,53 @@ class DeviceLookup:
 class ElementLookup:
     """Tables from triangle and barycentrics to the near elements."""
 
-    def __init__(
-        self, scene: Scene, tracer: RayTracer, elements: Elements,
-        before: ElementLookup | None = None, moved: Moved | None = None,
-    ) -> None:  # fmt: skip
-        """Builds the tables; about 30 tree queries an element, once.
-
-        Args:
-            before: the tables of the same elements before something moved; cells that this did not concern stay.
-            moved: with `before`, what moved.
-        """
-        self._scene = scene
-        self._elements = elements
+    def __init__(self, scene: Scene, tracer: RayTracer, elements: Elements) -> None:
+        """Builds the tables; about 30 tree queries an element, once."""
+        self._measure(scene, elements)
         table = scene.triangles
+        self.divisions, self._slack = divide_triangles(table.positions, table.areas, self._cell_size)
+        self._make_room(np.ones(len(table.areas), bool))
+        self._fill(tracer, [])
+
+    def after(self, scene: Scene, tracer: RayTracer, elements: Elements, moved: Moved) -> ElementLookup:
+        """Returns the tables of the same elements, and new ones behind them, after something moved.
+
+        Cells that this did not concern stay as they are; where all are concerned, the tables are built anew.
+        """
+        now = ElementLookup.__new__(ElementLookup)
+        now._measure(scene, elements)
+        again = self._parts_to_do(now, moved)[elements.part_of_triangle]
+        if again.all() or not now._divide_again(self, again):
+            return ElementLookup(scene, tracer, elements)
+        now._make_room(again)
+        if len(elements):
+            now._fill(tracer, [now._keep(self, again, moved)])
+        return now
+
+    def _measure(self, scene: Scene, elements: Elements) -> None:
+        """Finds how far apart elements are on each side of each part, and how wide cells are to be."""
+        self._scene, self._elements = scene, elements
         parts = int(elements.part_of_triangle.max(initial=-1)) + 1
-        group = elements.part * 2 + (elements.side < 0)
-        number = np.bincount(group, minlength=2 * parts)
-        mean = np.bincount(group, elements.area, minlength=2 * parts) / np.maximum(number, 1)
-        spacing = np.where(number > 0, np.sqrt(mean), np.inf).reshape(parts, 2)
-        self._spacing, self._number = spacing, number.reshape(parts, 2)
-        cell = spacing.min(1)[elements.part_of_triangle] / CELLS_PER_SPACING
-        self.divisions: NDArray[np.int32]
-        self._slack: float
-        again = np.ones(len(cell), bool)
-        if before is not None and moved is not None:
-            again = before._parts_to_do(self, moved)[elements.part_of_triangle]
-        kept = before if before is not None and not again.all() else None
-        if kept is not None:
-            self._slack = kept._slack
-            self.divisions = kept.divisions.copy()
-            wanted = wanted_divisions(table.positions[again], table.areas[again], cell[again], self._slack)
-            self.divisions[again] = steady_divisions(wanted, kept.divisions[again])
-            if (self.divisions.astype(np.int64) ** 2).sum() > 1.5 * (MOST_CELLS + len(cell)):
-                kept, again = None, np.ones(len(cell), bool)
-        if kept is None:
-            self.divisions, self._slack = divide_triangles(table.positions, table.areas, cell)
+        self._group = elements.part * 2 + (elements.side < 0)
+        number = np.bincount(self._group, minlength=2 * parts)
+        mean = np.bincount(self._group, elements.area, minlength=2 * parts) / np.maximum(number, 1)
+        self._spacing = np.where(number > 0, np.sqrt(mean), np.inf).reshape(parts, 2)
+        self._number = number.reshape(parts, 2)
+        self._cell_size = self._spacing.min(1)[elements.part_of_triangle] / CELLS_PER_SPACING
+
+    def _divide_again(self, before: ElementLookup, again: NDArray[np.bool_]) -> bool:
+        """Divides some triangles (T,) anew, the others as before; tells whether there are few enough cells for that."""
+        table, cell = self._scene.triangles, self._cell_size
+        self._slack, self.divisions = before._slack, before.divisions.copy()
+        wanted = wanted_divisions(table.positions[again], table.areas[again], cell[again], self._slack)
+        self.divisions[again] = steady_divisions(wanted, before.divisions[again])
+        return bool((self.divisions.astype(np.int64) ** 2).sum() <= 1.5 * (MOST_CELLS + len(cell)))
+
+    def _make_room(self, again: NDArray[np.bool_]) -> None:
+        """Makes the tables, with nothing in them."""
         squares = self.divisions.astype(np.int64) ** 2
         self.first_cell = (np.cumsum(squares) - squares).astype(np.uint32)
-        total = int(squares.sum())
-        self.entry_of_cell = np.full((2, total), NONE, np.uint32)
+        self.entry_of_cell = np.full((2, int(squares.sum())), NONE, np.uint32)
         self.elements_of_entry = np.full((0, NEAR), NONE, np.uint32)
         self.kept_from: ElementLookup | None = None  # with what stayed as it was there:
         self.kept_entries = np.zeros(0, np.int64)  # (k,) there, of the first k entries
@@ -104,28 +112,31 @@ class ElementLookup:
         self._cell_of_entry = np.zeros(0, np.int64)  # (entries,) that stands for its others, + C on the back
         self._reach_of_entry = np.zeros(0, np.float32)  # (entries,) within which something can hide its elements
         self._middle_of_entry = np.zeros((0, 3), np.float32)  # (entries, 3) of that cell
-        if len(elements) == 0:
-            return
 
-        cells = np.flatnonzero(np.repeat(again, squares))
+    def _fill(self, tracer: RayTracer, asked: list[tuple[NDArray, ...]]) -> None:
+        """Gives cells of triangles that are done again their entries, and all that are asked for their elements.
+
+        Args:
+            asked: entries (n,) and cells (n,) of those that stayed and are named again.
+        """
+        if not len(self._elements):
+            return
+        cells = np.flatnonzero(np.repeat(self.done_again, self.divisions.astype(np.int64) ** 2))
         triangle, position, shading, _ = self._cells(cells)
-        part = elements.part_of_triangle[triangle]
-        asked: list[tuple[NDArray, ...]] = []
-        if kept is not None and moved is not None:
-            asked.append(self._keep(kept, again, moved))
+        part, total = self._elements.part_of_triangle[triangle], self.entry_of_cell.shape[1]
         first = len(self.elements_of_entry)
         for side in (0, 1):
             sign = 1 - 2 * side
-            live = np.flatnonzero(np.isfinite(spacing[part, side]))
+            lit = np.flatnonzero(np.isfinite(self._spacing[part, side]))
             # Cells of small triangles may share with others of their group, those of large ones among
             # themselves only: between two large triangles there may be a wall.
-            small = self.divisions[triangle[live]] <= SMALL
-            owner = np.where(small, -1 - part[live], triangle[live])
-            rows, entry = share_cells(position[live], sign * shading[live], owner, spacing[part[live], side])
-            self.entry_of_cell[side, cells[live]] = entry + first
-            asked.append((np.arange(first, first + len(rows)), cells[live[rows]] + side * total))
+            small = self.divisions[triangle[lit]] <= SMALL
+            owner = np.where(small, -1 - part[lit], triangle[lit])
+            rows, entry = share_cells(position[lit], sign * shading[lit], owner, self._spacing[part[lit], side])
+            self.entry_of_cell[side, cells[lit]] = entry + first
+            asked.append((np.arange(first, first + len(rows)), cells[lit[rows]] + side * total))
             first += len(rows)
-        self._name(tracer, group, first, *(np.concatenate(x) for x in zip(*asked, strict=True)))
+        self._name(tracer, first, *(np.concatenate(x) for x in zip(*asked, strict=True)))
 
     def _cells(self, cells: NDArray) -> tuple[NDArray, NDArray, NDArray, NDArray]:
         """Triangle (n,), centre (n, 3), unit shading and face normal (n, 3) of some cells (n,), on the front."""
@@ -139,7 +150,7 @@ class ElementLookup:
         shading /= np.maximum(np.linalg.norm(shading, axis=1, keepdims=True), 1e-20)
         return triangle, position, shading, face
 
-    def _name(self, tracer: RayTracer, group: NDArray, count: int, entry: NDArray, cell: NDArray) -> None:
+    def _name(self, tracer: RayTracer, count: int, entry: NDArray, cell: NDArray) -> None:
         """Names the elements of some entries (n,), of `count`, whose cells (n,), + C on the back, stand for them."""
         total = self.entry_of_cell.shape[1]
         more = count - len(self.elements_of_entry)
@@ -153,7 +164,7 @@ class ElementLookup:
         near, reach = near_elements(
             tracer,
             self._elements,
-            group,
+            self._group,
             position,
             sign * shading,
             sign * face,

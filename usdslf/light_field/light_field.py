@@ -16,7 +16,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from usdslf.elements.elements import ElementLookup, Elements
+from usdslf.elements.elements import Elements
+from usdslf.elements.lookup import ElementLookup
 from usdslf.gpu.device import Device
 from usdslf.light_field.preconvolution import LevelKernel, build_level, fresnel_diffuse
 from usdslf.light_field.visibility import Visibility
