@@ -58,11 +58,12 @@ from usdslf.stylize.unsharp_mask import (
 )
 from usdslf.surfaces.reflectance import MODELS
 from usdslf.usd.author.author import author_look, author_review_root, check_look_place
+from usdslf.usd.border import quiet_usd
 from usdslf.usd.edited import open_edited
 from usdslf.usd.layer.baked_files import textures_folder
 from usdslf.usd.layer.wins import AuthoredEdit, compose_over
 from usdslf.usd.preview.preview_material import make_preview as make_preview_materials
-from usdslf.usd.read.read import open_stage, quiet_usd, read_scene
+from usdslf.usd.read.read import open_stage, read_scene
 
 MUCH_WORSE = 1.5  # times the residual, where a look falls short of what was found
 Say = Callable[[str, float], None]

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import os
 
-from pxr import Sdf, Tf, Usd
+from pxr import Sdf, Usd
 
 from usdslf.errors import InputError
-from usdslf.usd.read.read import open_stage, quiet_usd
+from usdslf.usd.border import reading
+from usdslf.usd.read.read import open_stage
 
 
 def open_edited(shot: str | os.PathLike[str], look: str | os.PathLike[str]) -> Usd.Stage:
@@ -20,12 +21,9 @@ def open_edited(shot: str | os.PathLike[str], look: str | os.PathLike[str]) -> U
     if not os.path.isfile(name):
         raise InputError(f"there is no look layer {name}; make one with: usdslf solve")
     session = Sdf.Layer.CreateAnonymous(".usda")
-    with quiet_usd():
-        try:
-            layer = Sdf.Layer.FindOrOpen(name)
-        except Tf.ErrorException:
-            layer = None
+    with reading(name, InputError, "make a look with usdslf solve"):
+        layer = Sdf.Layer.FindOrOpen(name)
         if layer is None:
-            raise InputError(f"{name} is not a readable USD layer; make a look with: usdslf solve")
+            raise InputError(f"{name} is not a readable USD file, make a look with usdslf solve")
         session.subLayerPaths.append(layer.realPath)
         return Usd.Stage.Open(plain.GetRootLayer(), session, load=Usd.Stage.LoadAll)

@@ -11,10 +11,11 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from pxr import Sdf, Tf
+from pxr import Sdf
 
 from usdslf.errors import AuthorError
 from usdslf.replacing import replacing
+from usdslf.usd.border import reading
 
 
 def write_layer(layer: Sdf.Layer, path: str | os.PathLike[str]) -> None:
@@ -26,14 +27,10 @@ def write_layer(layer: Sdf.Layer, path: str | os.PathLike[str]) -> None:
     path = Path(path)
     check_layer_place(path)
     with replacing(path, AuthorError) as temporary:
-        # Export prints to stderr before it raises: try the place first.
-        temporary.touch()
-        try:
-            written = layer.Export(str(temporary))
-        except Tf.ErrorException:
-            written = False
-        if not written:
-            raise OSError("the disk may be full or the folder read-only")
+        temporary.touch()  # says why, if nothing can be written here
+        with reading(path, AuthorError, "choose another place"):
+            if not layer.Export(str(temporary)):
+                raise OSError("the disk may be full or the folder read-only")
     opened = Sdf.Layer.Find(str(path.resolve())) or Sdf.Layer.Find(str(path))
     if opened:
         opened.Reload(force=True)

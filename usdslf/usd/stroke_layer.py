@@ -16,16 +16,17 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from pxr import Gf, Sdf, Tf, Usd, UsdGeom, Vt
+from pxr import Gf, Sdf, Usd, UsdGeom, Vt
 
 from usdslf.errors import AuthorError, StrokeError
 from usdslf.strokes.stroke import Stroke, validate_stroke
+from usdslf.usd.border import reading
 from usdslf.usd.files import write_layer
-from usdslf.usd.read.read import quiet_usd
 from usdslf.usd.schema import API_SCHEMA, register_schema
 from usdslf.usd.shot_metadata import copy_shot_metadata, shot_files
 
 SCOPE = "SlfStrokes"
+_MEND = "restore it or paint into a new one"
 Names = Sdf.ValueTypeNames
 _TOKENS = {f"slf:{field}": field for field in ("tool", "mode", "space", "norm", "scope")}
 
@@ -46,15 +47,12 @@ def read_strokes(path: str | os.PathLike[str], warnings: list[str] | None = None
     said = warnings if warnings is not None else []
     if not Path(path).is_file():
         raise StrokeError(f"there is no stroke layer {path}: paint one with `usdslf stroke`")
-    try:
-        with quiet_usd():
-            stage = Usd.Stage.Open(_open_layer(path), None, load=Usd.Stage.LoadAll)
-    except Tf.ErrorException:
-        raise StrokeError(f"the stroke layer {path} does not compose: paint into a new one") from None
-    prims = [p for p in _all_prims(stage.GetPseudoRoot()) if _is_stroke(p)]
-    if not prims and not (stage.GetDefaultPrim() and stage.GetDefaultPrim().GetName() == SCOPE):
-        raise StrokeError(f"{path} holds no strokes: paint one with `usdslf stroke`")
-    strokes = [_read_stroke(prim, said) for prim in prims]
+    with reading(path, StrokeError, _MEND):
+        stage = Usd.Stage.Open(_open_layer(path), None, load=Usd.Stage.LoadAll)
+        prims = [p for p in _all_prims(stage.GetPseudoRoot()) if _is_stroke(p)]
+        if not prims and not (stage.GetDefaultPrim() and stage.GetDefaultPrim().GetName() == SCOPE):
+            raise StrokeError(f"{path} holds no strokes: paint one with `usdslf stroke`")
+        strokes = [_read_stroke(prim, said) for prim in prims]
     for stroke in strokes:
         validate_stroke(stroke)
     return strokes
@@ -101,12 +99,10 @@ def write_strokes(path: str | os.PathLike[str], strokes: Sequence[Stroke], shot_
 
 
 def _open_layer(path: str | os.PathLike[str]) -> Sdf.Layer:
-    try:
+    with reading(path, StrokeError, _MEND):
         layer = Sdf.Layer.FindOrOpen(str(path))
-    except Tf.ErrorException:
-        layer = None
     if not layer:
-        raise StrokeError(f"{path} is no USD layer, or a damaged one: restore it or use a new file")
+        raise StrokeError(f"{path} is not a readable USD file, {_MEND}")
     return layer
 
 

@@ -21,12 +21,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pxr import Sdf, Tf, Usd, UsdShade, Vt
+from pxr import Sdf, Usd, UsdShade, Vt
 
 from usdslf.edits.edits import MaterialChange, material_change_to_input_edits
 from usdslf.errors import AuthorError, StageError
 from usdslf.usd.author.change_writer import MODES, ChangeWriter
 from usdslf.usd.binding import bound_relationship, named_material, preview_surface, render_contexts
+from usdslf.usd.border import reading
 from usdslf.usd.files import check_layer_place, relative_path, write_layer
 from usdslf.usd.layer.affected import changed_along, final_renders
 from usdslf.usd.layer.baked_files import drop_unused
@@ -34,9 +35,9 @@ from usdslf.usd.layer.hand_edits import RECORD, added_by_hand, put_under, record
 from usdslf.usd.layer.look_layer import LookLayer
 from usdslf.usd.layer.provenance import layer_data
 from usdslf.usd.layer.wins import AuthoredEdit, compose_over, with_wins
+from usdslf.usd.look_data import is_look
 from usdslf.usd.notes import Notes
 from usdslf.usd.preview.preview_material import PreviewMaterials, edited_ones, write_made
-from usdslf.usd.read.read import quiet_usd
 from usdslf.usd.shot_metadata import ROOT_ONLY, copy_shot_metadata, default_prim_name, shot_files
 
 if TYPE_CHECKING:
@@ -73,7 +74,7 @@ def author_look(
         AuthorError: an edit cannot be written, or the file cannot.
     """
     said = warnings if warnings is not None else []
-    with quiet_usd():
+    with reading(f"{shot_path or stage.GetRootLayer().realPath} with {out_path}", AuthorError, "solve into a new file"):
         return _author(stage, edits, Path(out_path), provenance, strokes_path, shot_path, said, color, mode, made)
 
 
@@ -163,7 +164,7 @@ def _say_what_is_kept(by_hand: Sdf.Layer, lost: list[Sdf.Path], out: Path, said:
 def check_look_place(stage: Usd.Stage, out_path: str | os.PathLike[str]) -> None:
     """Raises AuthorError where a look cannot go, before textures are baked for it."""
     check_layer_place(Path(out_path))
-    with quiet_usd():
+    with reading(out_path, AuthorError, "choose another file"):
         _earlier_look(stage, Path(out_path))
 
 
@@ -181,11 +182,8 @@ def author_review_root(
         StageError: the shot cannot be opened.
         AuthorError: the file is part of the shot, or cannot be written.
     """
-    try:
-        with quiet_usd():
-            stage = Usd.Stage.Open(str(shot), load=Usd.Stage.LoadNone)
-    except Tf.ErrorException:
-        raise StageError(f"the shot {shot} cannot be opened: give the stage that was painted") from None
+    with reading(shot, StageError, "give the stage that was painted"):
+        stage = Usd.Stage.Open(str(shot), load=Usd.Stage.LoadNone)
     if Path(path).resolve() in shot_files(stage) | {Path(look).resolve()}:
         raise AuthorError(f"{path} is the shot or the look itself: choose another name for the review root")
     layer = Sdf.Layer.CreateAnonymous(".usda")
@@ -222,10 +220,7 @@ def _earlier_look(stage: Usd.Stage, out: Path) -> Sdf.Layer | None:
         raise AuthorError(f"{out} is part of the shot, which is never written to: choose another file")
     if not out.is_file() or not out.stat().st_size or out.suffix not in (".usda", ".usd", ".usdc"):
         return None
-    try:
-        earlier = Sdf.Layer.OpenAsAnonymous(str(out))  # as it is on disk, whoever wrote it
-    except Tf.ErrorException:
-        earlier = None
-    if not earlier or "usdslf" not in earlier.customLayerData:
+    earlier = Sdf.Layer.OpenAsAnonymous(str(out))  # as it is on disk, whoever wrote it
+    if not earlier or not is_look(earlier):
         raise AuthorError(f"{out} exists and is not a look layer of usdslf: choose another file")
     return earlier

@@ -26,6 +26,7 @@ from usdslf.scene.records import Texture
 from usdslf.textures.images import files_of, why_unreadable
 from usdslf.usd.arcs import class_of
 from usdslf.usd.binding import bound_relationship, users_of
+from usdslf.usd.border import plain
 from usdslf.usd.files import relative_path
 from usdslf.usd.layer.look_layer import LookLayer, shader_of
 from usdslf.usd.layer.network import (
@@ -38,7 +39,6 @@ from usdslf.usd.layer.network import (
     map_texture,
     new_node_path,
     path_of_copy,
-    plain,
     same_value,
 )
 from usdslf.usd.layer.wins import AuthoredEdit

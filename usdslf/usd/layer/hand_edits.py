@@ -20,6 +20,8 @@ from typing import Any
 import numpy as np
 from pxr import Sdf
 
+from usdslf.usd.look_data import our_data, texts
+
 RECORD = "written"
 _OURS = "usdslf"  # of customData
 _KEY = f"customData:{_OURS}"
@@ -42,7 +44,7 @@ def added_by_hand(earlier: Sdf.Layer) -> Sdf.Layer:
     layer = Sdf.Layer.CreateAnonymous(".usda")
     layer.TransferContent(earlier)
     data = dict(layer.customLayerData)
-    record = data.get(_OURS, {}).get(RECORD, ())
+    record = texts(our_data(data).get(RECORD))
     ours = {line.split(" ")[0]: dict(f.rpartition("=")[::2] for f in line.split(" ")[1:]) for line in record}
     specs = list(specs_of(layer))
     with Sdf.ChangeBlock():

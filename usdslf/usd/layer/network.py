@@ -210,12 +210,3 @@ def same_value(a: Any, b: Any) -> bool:
     except (TypeError, ValueError):  # arrays of strings
         return bool(a == b)
     return x.shape == y.shape and bool(np.allclose(x, y, rtol=1e-6, atol=1e-7, equal_nan=True))
-
-
-def plain(value: Any) -> Any:
-    """Returns a value as JSON can hold it."""
-    if value is None or isinstance(value, str | bool | int | float):
-        return value
-    if isinstance(value, Sdf.AssetPath):
-        return value.path
-    return [float(x) for x in np.ravel(np.asarray(value, np.float64))]

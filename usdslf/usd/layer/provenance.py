@@ -12,10 +12,12 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from pxr import Sdf, Tf, Usd
+from pxr import Sdf, Usd
 
+from usdslf.errors import StageError
+from usdslf.usd.border import reading
 from usdslf.usd.files import relative_path
-from usdslf.usd.read.read import quiet_usd
+from usdslf.usd.look_data import our_data
 
 
 def layer_data(
@@ -37,7 +39,7 @@ def layer_data(
 
 def stale(look: Sdf.Layer) -> list[str]:
     """Returns a phrase for the shot and for the strokes of a look if they are not what they were."""
-    data = look.customLayerData.get("usdslf", {})
+    data = {name: str(value) for name, value in our_data(look.customLayerData).items()}
     found = []
     for name in ("shot", "strokes"):
         if not data.get(name) or not data.get(f"{name}Hash"):
@@ -57,9 +59,9 @@ def _stack(stage: Usd.Stage) -> list[str]:
 
 def _files(shot: str) -> list[str]:
     try:
-        with quiet_usd():
+        with reading(shot):
             return _stack(Usd.Stage.Open(shot, load=Usd.Stage.LoadNone))
-    except Tf.ErrorException:
+    except StageError:
         return [shot]
 
 

@@ -25,12 +25,12 @@ from pxr import Sdf, Usd, UsdGeom, UsdShade
 from usdslf.color import USD_DEFAULT_SPACE, Color, color_of
 from usdslf.usd.author.change_writer import SCOPE
 from usdslf.usd.binding import bound_material, gprims_of, named_material, parts_of, preview_surface
+from usdslf.usd.border import quiet_usd
 from usdslf.usd.layer.look_layer import LookLayer
 from usdslf.usd.notes import Notes
 from usdslf.usd.preview.driven import Driven, constant
 from usdslf.usd.preview.preview_look import Look, look_of
 from usdslf.usd.preview.preview_nodes import write_preview
-from usdslf.usd.read.read import quiet_usd
 from usdslf.usd.shot_metadata import copy_shot_metadata, default_prim_name
 
 GREY = (0.18, 0.18, 0.18)  # of UsdPreviewSurface

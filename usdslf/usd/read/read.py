@@ -5,15 +5,14 @@ from __future__ import annotations
 import math
 import os
 import re
-from collections.abc import Iterator
-from contextlib import contextmanager
 
 import numpy as np
-from pxr import Pcp, Sdf, Tf, Usd, UsdGeom, UsdUtils
+from pxr import Pcp, Sdf, Usd, UsdGeom
 
 from usdslf.color import USD_DEFAULT_SPACE, color_of
 from usdslf.errors import StageError
 from usdslf.scene.records import Material, Mesh, PrimvarInput, Scene, Texture
+from usdslf.usd.border import parse_reason, reading, text_of
 from usdslf.usd.notes import Notes, name_some
 from usdslf.usd.read.cameras import read_cameras
 from usdslf.usd.read.geometry import read_meshes
@@ -34,11 +33,8 @@ def open_stage(path: str | os.PathLike[str]) -> Usd.Stage:
         raise StageError(f"{name} cannot be read, check its rights")
     if not os.path.exists(name) and not Sdf.Layer.Find(name):
         raise StageError(f"{name} does not exist, check the path")
-    try:
-        with quiet_usd():
-            stage = Usd.Stage.Open(name, Usd.Stage.LoadAll)
-    except Tf.ErrorException as e:
-        raise StageError(f"{name} is not a readable USD file, export it again: {_reason(e)}") from None
+    with reading(name):
+        stage = Usd.Stage.Open(name, Usd.Stage.LoadAll)
     if stage is None:
         raise StageError(f"{name} is not a readable USD file, export it again")
     return stage
@@ -77,13 +73,14 @@ def read_scene(
     """
     stage = stage_or_path if isinstance(stage_or_path, Usd.Stage) else open_stage(stage_or_path)
     name = stage.GetRootLayer().realPath or stage.GetRootLayer().identifier
-    time = time_code(stage, frame)
-    color = color_of(ocio, working_space_of(stage))
-    notes, warnings = Notes(), composition_warnings(stage)
-    authored = stage.GetRootLayer().pseudoRoot.GetInfo("upAxis")
-    if authored and authored not in ("Y", "Z"):
-        warnings.append(f"upAxis of {name} is {authored!r}, which is neither Y nor Z: {_up_axis(stage)} is taken")
-    with quiet_usd():
+    notes = Notes()
+    with reading(name):
+        time = time_code(stage, frame)
+        color = color_of(ocio, working_space_of(stage))
+        warnings = composition_warnings(stage)
+        authored = stage.GetRootLayer().pseudoRoot.GetInfo("upAxis")
+        if authored and authored not in ("Y", "Z"):
+            warnings.append(f"upAxis of {name} is {authored!r}, which is neither Y nor Z: {_up_axis(stage)} is taken")
         table = MaterialTable(time, color, notes)
         meshes = read_meshes(stage, time, table, refine, warnings)
         lights = read_lights(stage, time, color, notes)
@@ -121,25 +118,14 @@ def working_space_of(stage: Usd.Stage) -> str:
     return str((attribute.Get() if attribute else None) or USD_DEFAULT_SPACE)
 
 
-@contextmanager
-def quiet_usd() -> Iterator[None]:
-    """Keeps USD's own diagnostics off stderr; what matters of them is reported by name."""
-    delegate = UsdUtils.CoalescingDiagnosticDelegate()
-    try:
-        yield
-    finally:
-        delegate.TakeUncoalescedDiagnostics()
-        del delegate
-
-
 def composition_warnings(stage: Usd.Stage) -> list[str]:
     """Returns a sentence for each kind of composition error of a stage, naming prims and files."""
     files_of: dict[tuple[str, str], dict[str, None]] = {}
     prims_of: dict[tuple[str, str], dict[str, None]] = {}
     other: dict[type, list[str]] = {}
     # USD composes on several threads: its order of errors is chance.
-    for error in sorted(stage.GetCompositionErrors(), key=str):
-        text = re.sub(r":SDF_FORMAT_ARGS:[^@]*", "", " ".join(str(error).split()).rstrip("."))
+    for error in sorted(stage.GetCompositionErrors(), key=text_of):
+        text = re.sub(r":SDF_FORMAT_ARGS:[^@]*", "", " ".join(text_of(error).split()).rstrip("."))
         site = getattr(error, "rootSite", None)
         prim = str(site.path) if isinstance(site, Pcp.Site) else ""
         unopened = re.match(r"Could not open asset @(.*?)@ for (\S+)(?:.* -- (.*))?", text)
@@ -164,7 +150,7 @@ def _why_not_opened(path: str, reason: str) -> str:
         return "this build of USD does not read MaterialX"
     if not reason or not os.path.exists(path):
         return "there is no such file"
-    return reason.split(" @")[0] if "file format" in reason else reason
+    return reason.split(" @")[0] if "file format" in reason else parse_reason(reason)
 
 
 def _note_primvars(meshes: list[Mesh], materials: list[Material], notes: Notes) -> None:
@@ -196,10 +182,3 @@ def _note_coordinates(mesh: Mesh, texture: Texture, notes: Notes) -> None:
     if st.min() < -0.01 or st.max() > 1.01:
         reason = f"texture coordinates {texture.uv_set} of {{}} leave 0..1, where its textures are black"
         notes.add(f"{reason} (no wrap mode is authored)", mesh.path)
-
-
-def _reason(error: Tf.ErrorException) -> str:
-    """Returns the first quoted reason of a USD error, as one line."""
-    quoted = re.findall(r"in file \S+ : '(.*?)'\s*(?:\n|$)", str(error), re.S)
-    text = quoted[0] if quoted else str(error)
-    return " ".join(text.split()).rstrip(".")

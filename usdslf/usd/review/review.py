@@ -13,9 +13,11 @@ from typing import Any
 from pxr import Sdf, Usd
 
 from usdslf.errors import InputError
+from usdslf.usd.border import plain, reading
 from usdslf.usd.edited import open_edited
 from usdslf.usd.layer.hand_edits import specs_of
-from usdslf.usd.layer.network import plain
+from usdslf.usd.look_data import is_look, our_data, texts
+from usdslf.usd.read.read import open_stage
 from usdslf.usd.review.validate import validate
 
 LONG = 4  # values of an array that are shown; of more, their number
@@ -31,16 +33,40 @@ def review_look(
 
     Raises: StageError for the shot, InputError where the look is no look layer.
     """
-    stage = open_edited(shot, look)
-    below = Usd.Stage.Open(stage.GetRootLayer())
-    layer = Sdf.Layer.FindOrOpen(os.fspath(look))
-    if "usdslf" not in layer.customLayerData:
-        raise InputError(f"{look} is not a look layer of usdslf; make one with: usdslf solve")
+    with reading(look, InputError, "solve again"):
+        stage, below = _over_its_shot(shot, look)
+        layer = Sdf.Layer.FindOrOpen(os.fspath(look))
+        if not is_look(layer):
+            raise InputError(f"{look} is not a look layer of usdslf; make one with: usdslf solve")
+        return _reviewed(stage, below, layer)
+
+
+def _over_its_shot(shot: str | os.PathLike[str], look: str | os.PathLike[str]) -> tuple[Usd.Stage, Usd.Stage]:
+    """The shot with a look, and what the look changes: the shot without it and what is stronger.
+
+    A look that the shot has already stays where it is: what hides it there hides it.
+    """
+    plain_shot = open_stage(shot)
+    stack = plain_shot.GetLayerStack(includeSessionLayers=False)
+    places = [i for i, layer in enumerate(stack) if layer.realPath and _is_same(layer.realPath, look)]
+    if not places:
+        return open_edited(shot, look), plain_shot
+    below = Usd.Stage.Open(plain_shot.GetRootLayer())
+    stronger = [layer for layer in stack[: places[0]] if not layer.subLayerPaths]
+    below.MuteAndUnmuteLayers([x.identifier for x in (*stronger, stack[places[0]]) if x != stack[0]], [])
+    return plain_shot, below
+
+
+def _is_same(path: str, other: str | os.PathLike[str]) -> bool:
+    return os.path.realpath(path) == os.path.realpath(other)
+
+
+def _reviewed(stage: Usd.Stage, below: Usd.Stage, layer: Sdf.Layer) -> dict[str, Any]:
     specs = list(specs_of(layer))
     return {
         "shot": stage.GetRootLayer().realPath,
         "look": layer.realPath,
-        "materials": [_material(s) for s in specs if isinstance(s, Sdf.PrimSpec) and "usdslf" in s.customData],
+        "materials": [_material(s) for s in specs if isinstance(s, Sdf.PrimSpec) and our_data(s.customData)],
         "edits": [_edit(below, s) for s in specs if isinstance(s, Sdf.PropertySpec)],
         "findings": [vars(f) for f in validate(stage, ocio)],
     }
@@ -59,14 +85,16 @@ def lines_of_review(found: Mapping[str, Any]) -> list[str]:
 
 
 def _material(spec: Sdf.PrimSpec) -> dict[str, Any]:
-    data = spec.customData["usdslf"]
-    found = {
+    data = our_data(spec.customData)
+    found: dict[str, Any] = {
         "prim": str(spec.path.StripAllVariantSelections()),
         "inferred": str(data.get("inferred", "none")),
-        "strokes": [str(s) for s in data.get("strokes", ())],
+        "strokes": texts(data.get("strokes")),
     }
-    named = {"residual_before": "residualBefore", "residual_after": "residualAfter"}
-    return found | {k: float(data[v]) for k, v in named.items() if v in data}
+    before, after = data.get("residualBefore"), data.get("residualAfter")
+    if isinstance(before, int | float) and isinstance(after, int | float):
+        found |= {"residual_before": float(before), "residual_after": float(after)}
+    return found
 
 
 def _edit(below: Usd.Stage, spec: Sdf.PropertySpec) -> dict[str, Any]:

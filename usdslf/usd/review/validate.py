@@ -32,10 +32,12 @@ from usdslf.color import USD_DEFAULT_SPACE, Color, color_of
 from usdslf.errors import StrokeError, UsdslfError
 from usdslf.usd.arcs import inherited_classes
 from usdslf.usd.binding import bound_relationship
+from usdslf.usd.border import reading
 from usdslf.usd.files import assets_of
 from usdslf.usd.layer.provenance import stale
 from usdslf.usd.layer.wins import why_hidden
-from usdslf.usd.read.read import quiet_usd, read_scene
+from usdslf.usd.look_data import is_look, our_data
+from usdslf.usd.read.read import read_scene
 from usdslf.usd.stroke_layer import SCOPE, read_strokes
 
 if TYPE_CHECKING:
@@ -71,10 +73,10 @@ def validate(stage: Usd.Stage, ocio: str | None, scene: Scene | None = None) -> 
         scene: the stage as it was read, if the caller has it: tells whether surfaces moved.
     """
     layers = stage.GetLayerStack(includeSessionLayers=True)
-    looks = [x for x in layers if "usdslf" in x.customLayerData]
+    looks = [x for x in layers if is_look(x)]
     strokes = [x for x in layers if x.defaultPrim == SCOPE and x.realPath]
     findings: list[Finding] = []
-    with quiet_usd():
+    with reading(stage.GetRootLayer().realPath or "the shot"):
         for look in looks:
             over = _with_its_shot(stage, look)
             findings += [*_Look(over, look, color_of(ocio, USD_DEFAULT_SPACE)).findings(), *_of_layer(look)]
@@ -90,7 +92,7 @@ def lines_of_findings(findings: Iterable[Finding]) -> list[str]:
 
 
 def _with_its_shot(stage: Usd.Stage, look: Sdf.Layer) -> Usd.Stage:
-    shot = look.customLayerData["usdslf"].get("shot", "")
+    shot = str(our_data(look.customLayerData).get("shot", ""))
     path = look.ComputeAbsolutePath(shot) if shot else ""
     if stage.GetRootLayer() != look or look.subLayerPaths or not Path(path).is_file():
         return stage
@@ -103,7 +105,7 @@ def _of_layer(layer: Sdf.Layer) -> Iterator[Finding]:
     """Paths of a layer that hold on one machine only."""
     file = layer.GetDisplayName()
     paths = [*layer.GetCompositionAssetDependencies(), *assets_of(layer)]
-    data = layer.customLayerData.get("usdslf", {})
+    data = our_data(layer.customLayerData)
     paths += [str(data[name]) for name in ("shot", "strokes") if name in data]
     for path in dict.fromkeys(p for p in paths if _ABSOLUTE.match(p)):
         say = f"{file} names {path}, which other machines do not have: make the path relative."
@@ -133,7 +135,7 @@ class _Look:
         """Yields what is wrong."""
         for phrase in stale(self.layer):
             yield self._finding("StaleLook", "/", f"{self.file} may not fit: {phrase}: solve it again.")
-        space = self.layer.customLayerData["usdslf"].get("workingSpace", "")
+        space = our_data(self.layer.customLayerData).get("workingSpace", "")
         if space and not self.color.knows(str(space)):
             yield self._unknown_space(Sdf.Path.absoluteRootPath, str(space))
         undefined = [s.path for s in self.layer.rootPrims if not self._is_there_prim(self.shown(s.path))]
