@@ -325,7 +325,10 @@ def Xform "chair"
 }
 """
 _TOKEN = re.compile(r'"[^"\n]*"|@[^@\n]*@|<[^>\n]*>|[-+.\w:]+|[^\s\w]')
-_NUMBERS = ("nan", "inf", "-inf", "1e39", "-1e308", "-1", "0", "2147483647", "99999", "1e-30", "[]", "None", '"x"', "()")
+_NUMBERS = (
+    *("nan", "inf", "-inf", "1e39", "-1e308", "-1", "0", "2147483647", "99999", "1e-30", "[]", "None", '"x"', "()"),
+    *("nan", "inf", "-1", "0", "3", "1e30", "-7", "1000"),
+)
 _TYPES = (
     *("float", "double", "int", "bool", "token", "string", "asset", "color3f", "float2", "float3", "float4", "half3"),
     *("point3f[]", "int[]", "float[]", "token[]", "string[]", "texCoord2f[]", "texCoord3f[]", "matrix4d", "quatf"),

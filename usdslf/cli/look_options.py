@@ -66,9 +66,11 @@ def write_look(
     """
     from usdslf.outputs import write_json
     from usdslf.report import lines_of_report
+    from usdslf.usd.author.author import check_look_place
 
     with progress(settings.quiet) as say:
         session = shot.open(settings, stage, say)
+        check_look_place(session.shot, files.output)  # before the work, not after it
         find(session)
         session.author(files.output, review_root=files.review_root, **author)
     found = session.report()

@@ -61,3 +61,34 @@ def test_what_is_no_look_is_refused(shot_and_look: tuple[Path, Path], run: Run, 
     assert code == 2 and "is not a look layer of usdslf" in err
     code, _, err = run("review", shot, tmp_path / "nowhere.usda")
     assert code == 2 and "there is no look layer" in err and "usdslf solve" in err
+
+
+def test_a_look_that_the_shot_has_is_reviewed_where_it_is(inputs: Path, run: Run) -> None:
+    """Two artists' looks in one shot: Carl's is the stronger one and hides Anna's, also in her review."""
+    shot, anna, carl = (inputs / "two_looks" / name for name in ("clash.usda", "look_anna.usda", "look_carl.usda"))
+    code, out, _ = run("review", shot, anna, "--json")
+    found = json.loads(out)
+    hidden = [f for f in found["findings"] if f["name"] == "HiddenEdit"]
+    assert code == 1 and [(f["layer"], "look_carl.usda" in f["message"]) for f in hidden] == [("look_anna.usda", True)]
+    np.testing.assert_allclose(found["edits"][0]["before"], (0.5, 0.5, 0.5), atol=1e-6)  # the shot's, not Carl's
+    found = json.loads(run("review", shot, carl, "--json")[1])
+    assert [f["layer"] for f in found["findings"] if f["name"] == "HiddenEdit"] == ["look_anna.usda"]
+    np.testing.assert_allclose(found["edits"][0]["before"], (0.3784995, 0.01392, 0.01392), atol=1e-5)  # Anna's
+    assert json.loads(run("info", shot, "--json")[1])["findings"] == found["findings"]
+
+
+def test_what_usdslf_said_and_a_person_rewrote_is_no_reason_to_fail(shot_and_look: tuple[Path, Path], run: Run) -> None:
+    shot, look = shot_and_look
+    text = look.read_text()
+    for of, into in (
+        ("double residualAfter = ", "string residualAfter = \"\" # "),
+        ("string shot = ", "double shot = 3 # "),
+        ("string[] written = ", "string written = \"x\" # "),
+        ("dictionary after", "string after = \"\"\ndictionary more"),
+        ("color3f inputs:diffuseColor = ", "mystery inputs:diffuseColor = "),
+    ):
+        assert of in text
+        look.write_text(text.replace(of, into))
+        code, out, err = run("review", shot, look)
+        assert (code in (0, 1) and "findings:" in out) or (code == 2 and err.count("\n") == 1), (into, err)
+        assert "internal error" not in err

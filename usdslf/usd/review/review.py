@@ -38,7 +38,7 @@ def review_look(
         layer = Sdf.Layer.FindOrOpen(os.fspath(look))
         if not is_look(layer):
             raise InputError(f"{look} is not a look layer of usdslf; make one with: usdslf solve")
-        return _reviewed(stage, below, layer)
+        return _reviewed(stage, below, layer, ocio)
 
 
 def _over_its_shot(shot: str | os.PathLike[str], look: str | os.PathLike[str]) -> tuple[Usd.Stage, Usd.Stage]:
@@ -61,7 +61,7 @@ def _is_same(path: str, other: str | os.PathLike[str]) -> bool:
     return os.path.realpath(path) == os.path.realpath(other)
 
 
-def _reviewed(stage: Usd.Stage, below: Usd.Stage, layer: Sdf.Layer) -> dict[str, Any]:
+def _reviewed(stage: Usd.Stage, below: Usd.Stage, layer: Sdf.Layer, ocio: str | None) -> dict[str, Any]:
     specs = list(specs_of(layer))
     return {
         "shot": stage.GetRootLayer().realPath,
