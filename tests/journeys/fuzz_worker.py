@@ -1,7 +1,7 @@
 """Runs the command line on faulty files, in a process that may crash: `fuzz_worker.py FOLDER FIRST LAST`.
 
-FOLDER holds shot.usda, strokes.usda and look.usda.  Case n damages one of them with the random numbers of seed n and gives it
-to a command.  Prints a JSON line before and one after each case; test_fuzz reads them.
+FOLDER holds shot.usda, strokes.usda and look.usda.  Case n damages one of them with the random numbers of seed n and
+gives it to a command.  Prints a JSON line before and one after each case; test_fuzz reads them.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 from kit.fuzzed import fault
 
-from usdslf.cli import commands
+from usdslf.cli.main import main as command_line
 
 CODES = (0, 1, 2, 3, 4, 5, 6)
 PAINT = ("--camera", "/World/cam", "--path", "0.47,0.7 0.53,0.7", "--color", ".1,.4,.05")
@@ -50,7 +50,7 @@ def run(arguments: list[str]) -> dict[str, Any]:
     wrong: list[str] = []
     with _captured() as said:
         try:
-            code: Any = commands.main(arguments)
+            code: Any = command_line(arguments)
         except BaseException:
             code, wrong = -1, [traceback.format_exc()]
     out, err = said
@@ -74,7 +74,7 @@ def run(arguments: list[str]) -> dict[str, Any]:
 def _captured() -> Iterator[list[str]]:
     """What goes to file descriptors 1 and 2, be it by C++."""
     said: list[str] = []
-    files = [tempfile.TemporaryFile() for _ in range(2)]
+    files = [tempfile.TemporaryFile() for _ in range(2)]  # noqa: SIM115
     kept = [os.dup(1), os.dup(2)]
     out, err = sys.stdout, sys.stderr
     try:

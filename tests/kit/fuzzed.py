@@ -349,8 +349,10 @@ def write_shot(folder: Path) -> Path:
 
 
 def fault(text: str, random: Random) -> bytes:
-    """Returns the text of a layer with one to three faults."""
-    kinds: list[Callable[[bytes, Random], bytes]] = [_bytes, _stray, _tokens, _numbers, _types, _lines, _end]
+    """Returns the text of a layer with one to three faults: of how it is written, or in what it says."""
+    written: list[Callable[[bytes, Random], bytes]] = [_bytes, _stray, _tokens, _lines, _end]
+    said: list[Callable[[bytes, Random], bytes]] = [_numbers, _values, _values, _types, _names, _lines]
+    kinds = written if random.random() < 0.3 else said
     data = text.encode()
     for _ in range(random.integers(1, 4)):
         data = kinds[random.integers(len(kinds))](data, random)
@@ -391,6 +393,41 @@ def _numbers(data: bytes, random: Random) -> bytes:
 def _types(data: bytes, random: Random) -> bytes:
     """A value has another type."""
     return _swapped(data, rf"\b({'|'.join(sorted(NAMES))})(\[\])?(?= [\w:]+)", _TYPES, random)
+
+
+def _values(data: bytes, random: Random) -> bytes:
+    """A value is none, empty, short, long, or that of another attribute; the layer can still be parsed."""
+    lines = data.split(b"\n")
+    stands = re.compile(rb"\s+(uniform )?[\w\[\]]+ [\w:]+(\.connect)? = .*[^({]$")
+    at = [i for i, line in enumerate(lines) if stands.match(line)]
+    if not at:
+        return data
+    i, other = at[random.integers(len(at))], at[random.integers(len(at))]
+    name, _, value = lines[i].partition(b" = ")
+    kind = name.split()[-2]
+    if value.startswith(b"["):
+        items = re.findall(rb"\([^()]*\)|[^,\[\]]+", value[1:-1])
+        items = [x for x in items if x.strip()]
+        new = [b"None", b"[]", b"[" + b", ".join(items[:-1]) + b"]", b"[" + b", ".join(items * 2) + b"]"]
+        new.append(b"[" + b", ".join(re.sub(rb"[-.\d]+", b"nan", x) for x in items) + b"]")
+        new.append(b"[" + b", ".join(re.sub(rb"[-.\d]+", b"-3", x) for x in items) + b"]")
+    else:
+        extremes = (b"nan", b"inf", b"-1", b"0", b"1e30", b"1e-30", b"100000")
+        number = extremes[random.integers(len(extremes))]
+        new = [b"None", re.sub(rb"(?<![\w.])-?[.\d]+", number, value), re.sub(rb"[.\d]+", b"0", value, count=1)]
+    if lines[other].split()[-1:] and kind == lines[other].partition(b" = ")[0].split()[-2]:
+        new.append(lines[other].partition(b" = ")[2])
+    lines[i] = name + b" = " + new[random.integers(len(new))]
+    return b"\n".join(lines)
+
+
+def _names(data: bytes, random: Random) -> bytes:
+    """A name in a path, a string or a declaration is that of something else."""
+    found = list(re.finditer(rb"(?<=[/\" ])[A-Za-z_]\w+(?=[\"/.>]| = )", data))
+    if not found:
+        return data
+    one, other = (found[random.integers(len(found))] for _ in range(2))
+    return data[: one.start()] + other[0] + data[one.end() :]
 
 
 def _swapped(data: bytes, pattern: str, choices: tuple[str, ...], random: Random) -> bytes:
