@@ -110,7 +110,7 @@ def _of_stroke(session: Session, stroke: Stroke, answer: Answer, *more: Answer) 
         "ambiguous": answer.is_ambiguous,
         "varies": answer.varying is not None,
         "alternatives": [
-            {"id": name, "cost": c.cost, "after": _plain(means_of(t, c)[1])}
+            {"id": name, "cost": c.cost if c.is_admitted else None, "after": _plain(means_of(t, c)[1])}
             for name, c in [*((c.id, c) for c in answer.candidates), *((a.id, a.mean) for a in answer.varied)]
         ],
     }
@@ -121,7 +121,7 @@ def _of_stroke(session: Session, stroke: Stroke, answer: Answer, *more: Answer) 
     if answer.others:
         found["alternatives"] = [
             {"id": o.id, "cost": o.cost, "materials": list(o.materials), "after": _plain(o.after)}
-            for o in sorted(answer.others, key=lambda o: (not o.is_chosen, o.cost))
+            for o in sorted(answer.others, key=lambda o: (not o.is_chosen, o.cost is None, o.cost or 0.0))
         ]
         also += [(a.pool.material, a, a.before, a.after) for a in more]
     if also or answer.others:

@@ -25,11 +25,11 @@ from usdslf.elements.elements import Elements, refresh_reflectance, sample_eleme
 from usdslf.elements.lookup import ElementLookup
 from usdslf.errors import InputError, SolveError, StageError, StrokeError
 from usdslf.gpu.device import Device, open_device
+from usdslf.inference.answer_residuals import residual_as_preview, residual_as_written
 from usdslf.inference.answers import Answer, Painted, Pool
 from usdslf.inference.changes import changes_of, with_varying
 from usdslf.inference.direct import gather_strokes, infer_changes
 from usdslf.inference.indirect import infer_indirect
-from usdslf.inference.residuals import residual_as_preview, residual_as_written
 from usdslf.inference.weights import Options
 from usdslf.light_field.light_field import LightField, Surface, require_memory
 from usdslf.light_field.static_light import static_light

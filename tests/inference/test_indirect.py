@@ -56,7 +56,7 @@ def test_columns_are_the_finite_differences_of_one_bounce(session: Any) -> None:
     tables = receiver_tables([receiver], material, start, field)[0]
     now, rows = present_radiance(painted, field), field.elements.material == material
     try:
-        for name, column in (("diffuse", tables.u), ("f0", tables.v)):
+        for name, column in (("diffuse", tables.dabs.u), ("f0", tables.dabs.v)):
             moved = {name: getattr(start, name)[rows] + np.float32(0.02)}
             field.set_surface(start.with_rows(rows, **moved))
             # what the wall alone sends after one bounce, everything else as it was

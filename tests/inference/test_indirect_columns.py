@@ -93,9 +93,9 @@ def test_columns_are_what_one_bounce_of_the_changed_light_field_brings(seen: See
         field.set_surface(start)
         field.outgoing_d = as_it_was_d
     foreseen = {
-        "diffuse": step * tables.u[:, tables.own],
-        "f0": step * tables.v[:, tables.own],
-        "roughness": tables.p[:, 0] - tables.p[:, tables.own],
+        "diffuse": step * tables.dabs.u[:, tables.own],
+        "f0": step * tables.dabs.v[:, tables.own],
+        "roughness": tables.dabs.p[:, 0] - tables.dabs.p[:, tables.own],
     }[name]
     assert np.abs(change).max() > 1e-5
     np.testing.assert_allclose(foreseen.sum(0), change.sum(0), rtol=0.02)
@@ -106,7 +106,7 @@ def test_the_present_is_among_the_tables(seen: Seen) -> None:
     field = seen.session.light_field
     tables, as_metal = receiver_tables(seen.receivers, seen.material, field.surface, field)
     now = radiance_of(seen.receivers, field)
-    np.testing.assert_allclose(tables.p[:, tables.own], now, rtol=1e-3)
+    np.testing.assert_allclose(tables.dabs.p[:, tables.own], now, rtol=1e-3)
     # a metal whose F0 is the wall's diffuse colour is brighter than one whose F0 is the dielectric's
     assert as_metal is not None and (as_metal.v > 0).all()
     assert (as_metal.p[:, as_metal.own] < now).all()
@@ -151,4 +151,4 @@ def test_columns_are_the_textbook_s(kind: str, tmp_path: Path) -> None:
         assert found == pytest.approx(expected[k], rel=0.05, abs=0.004 * expected.max()), "XYAB"[k]
     # the table of a diffuse change is made of them: (1 - F0) X + (1 - F90) Y
     tables, _ = receiver_tables([receiver], material, field.surface, field)
-    assert tables.u[:, tables.own].mean() == pytest.approx(0.9 * expected[0], rel=0.04)
+    assert tables.dabs.u[:, tables.own].mean() == pytest.approx(0.9 * expected[0], rel=0.04)

@@ -12,7 +12,8 @@ from reference.reflectance import frame_about
 from usdslf.inference.bilinear import Tables, pool_tables
 from usdslf.inference.candidate import Candidate
 from usdslf.inference.evidence import Evidence
-from usdslf.inference.solve import enumerate_candidates, predicted, refit, relative_error, whiten
+from usdslf.inference.fit import whiten
+from usdslf.inference.solve import enumerate_candidates, refit, refit_problem, relative_error
 from usdslf.inference.weights import Options
 from usdslf.strokes.stroke import Stroke
 from usdslf.surfaces.reflectance import roughness_levels
@@ -151,7 +152,7 @@ def solved(
 ) -> tuple[Tables, Candidate, list]:
     tables = pool_tables([e], 0, model)
     candidates = enumerate_candidates(tables, options)
-    return tables, refit(tables, candidates[0], options), candidates
+    return tables, refit(refit_problem(tables, options), candidates[0]), candidates
 
 
 def look_of(tables: Tables, c: Candidate) -> tuple[np.ndarray, np.ndarray, float]:
@@ -186,10 +187,10 @@ def test_two_changes_at_once_are_found_where_both_are_free(world: World, levels:
     after = replace(PLASTIC, diffuse=(0.15, 0.5, 0.3), f0=(0.3, 0.3, 0.3))
     tables, _, candidates = solved(painted(world, levels, PLASTIC, after))
     both = next(c for c in candidates if c.id == "diffuse+specular")
-    diffuse, f0, _ = look_of(tables, refit(tables, both))
+    diffuse, f0, _ = look_of(tables, refit(refit_problem(tables), both))
     np.testing.assert_allclose(diffuse, after.diffuse, atol=0.01)
     np.testing.assert_allclose(f0, after.f0, atol=0.01)
-    assert relative_error(tables, refit(tables, both)) < 0.01
+    assert relative_error(tables, refit(refit_problem(tables), both)) < 0.01
     assert "diffuse" in candidates[0].freed
 
 
@@ -327,7 +328,7 @@ def test_two_strokes_on_one_material_are_one_question(world: World, levels: dict
     # What was painted by the other half is unpainted in this one.
     tables = pool_tables(halves, 0)
     assert len(tables.target) == DABS and len(np.unique(tables.stroke)) == 2
-    found = refit(tables, enumerate_candidates(tables)[0])
+    found = refit(refit_problem(tables), enumerate_candidates(tables)[0])
     assert found.id == "specular"
     np.testing.assert_allclose(look_of(tables, found)[1], CHANGES["specular"][1].f0, atol=5e-3)
 
@@ -356,7 +357,7 @@ def test_phong_without_noise_is_the_papers_closed_form(world: World, levels: dic
                 expected.append([before.diffuse[c], ref.specular_only(m, d, before.diffuse[c])])
         name = "+".join({"diffuse": "diffuse", "f0": "specular"}[k] for k in change)
         tables, _, candidates = solved(e, model="phong")
-        chosen = refit(tables, next(c for c in candidates if c.id == name))
+        chosen = refit(refit_problem(tables), next(c for c in candidates if c.id == name))
         diffuse, f0, _ = look_of(tables, chosen)
         np.testing.assert_allclose(np.stack([diffuse, f0], 1), expected, atol=2e-4)
 
@@ -371,16 +372,16 @@ def test_phong_gains_no_energy_and_its_misfit_is_of_what_it_may_reflect(
     tables, _, candidates = solved(painted(world, levels, before, wanted, "phong"), model="phong")
     white, outlier = whiten(tables, Options()), Options().outlier
     for c in enumerate_candidates(tables):
-        for found in (c, refit(tables, c)):
+        for found in (c, refit(refit_problem(tables), c)):
             most = found.diffuse_of(tables.diffuse) + found.f0_of(tables.f0)
             assert most.max() <= 1 + 1e-9, found.id
-        r = white @ ((predicted(tables, c) - tables.target) / tables.scale).reshape(-1)
+        r = white @ ((c.radiance(tables) - tables.target) / tables.scale).reshape(-1)
         of_dab = (r * r).reshape(-1, 3).sum(1)
         assert c.misfit == pytest.approx((outlier * np.log1p(of_dab / outlier)).sum(), rel=1e-6)
     free = replace(tables, is_phong=False)
-    both = refit(free, next(c for c in enumerate_candidates(free) if c.id == "diffuse+specular"))
+    both = refit(refit_problem(free), next(c for c in enumerate_candidates(free) if c.id == "diffuse+specular"))
     assert (both.diffuse_of(tables.diffuse) + both.f0_of(tables.f0)).max() > 1.2
-    held = refit(tables, next(c for c in candidates if c.id == "diffuse+specular"))
+    held = refit(refit_problem(tables), next(c for c in candidates if c.id == "diffuse+specular"))
     assert relative_error(tables, held) > 1.2 * relative_error(free, both)
 
 

@@ -121,7 +121,7 @@ def test_a_diffuse_ball_takes_the_factor(matte_ball: Session, tool: str, factor:
     assert answer.chosen.id == "diffuse"
     assert np.allclose(answer.after["diffuse"], factor * np.array(RED), rtol=0.02)
     assert answer.residual_after < 0.02  # the light that is seen then is what was asked for
-    assert not answer.tables.flat.any()  # as even as one brush colour, and yet meant dab by dab
+    assert not answer.tables.has_one_color.any()  # as even as one brush colour, and yet meant dab by dab
 
 
 def test_a_blur_of_even_light_asks_for_nothing(matte_ball: Session) -> None:

@@ -18,7 +18,6 @@ from usdslf.gallery.records import Dabs, Entry, Step, on_picture
 from usdslf.inference.answers import Answer
 from usdslf.inference.bilinear import pool_tables
 from usdslf.inference.direct import gather_strokes, infer_changes
-from usdslf.inference.solve import predicted
 from usdslf.procedural.shapes import ball, panel, rounded_box
 from usdslf.procedural.shot import Inputs, Lamp, Part, Shot, View
 
@@ -109,7 +108,7 @@ def errors_of_rounds(play: Play, step: Step) -> tuple[list[float], list[float]]:
         last = answers
         (answer,) = answers
         tables = pool_tables([p.evidence(field) for p in painted], answer.pool.material, field.model)
-        shown = predicted(tables, answer.chosen)
+        shown = answer.chosen.radiance(tables)
         off = (shown - tables.target) / tables.scale
         error.append(float(np.sqrt((off * off).mean())))
         bias.append(float(shown.sum() / tables.target.sum() - 1))

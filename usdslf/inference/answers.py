@@ -21,6 +21,7 @@ from usdslf.inference.varying import Varying, VaryingAnswer
 from usdslf.scene.records import Scene
 from usdslf.similarity.similarity import Places
 from usdslf.strokes.stroke import Stroke
+from usdslf.surfaces.reflectance import Parameters
 
 if TYPE_CHECKING:
     from usdslf.light_field.light_field import LightField, Surface
@@ -46,7 +47,7 @@ class Alternative:
     """One of the explanations of an indirect stroke."""
 
     id: str  # "specular+glossiness of /World/mtl/ring"
-    cost: float
+    cost: float | None  # None: not admitted by the norm
     materials: tuple[str, ...]  # paths of what would change
     after: dict[str, NDArray]  # of the first of them, as in Answer; empty where nothing would change
     is_chosen: bool
@@ -78,7 +79,7 @@ class Answer:
         """Whether another explanation costs about the same."""
         if self.others:
             return any(a.is_tie for a in self.others)
-        others = [c.cost for c in self.candidates if c.id != self.chosen.id]
+        others = [c.cost for c in self.candidates if c.id != self.chosen.id and c.is_admitted]
         return bool(others) and min(others) - self.chosen.cost < AMBIGUOUS
 
 
@@ -98,13 +99,15 @@ class Painted:
 
 def means_of(t: Tables, c: Candidate) -> tuple[dict[str, NDArray], dict[str, NDArray]]:
     """Returns mean diffuse, specular and roughness over the painted area, before and after a candidate."""
-    before = {"diffuse": t.diffuse, "specular": t.f0, "roughness": np.array([t.roughness])}
-    after = {
-        "diffuse": c.diffuse_of(t.diffuse),
-        "specular": c.f0_of(t.f0),
-        "roughness": c.roughness_of(np.array([t.roughness])),
-    }
-    return before, after
+    roughness = np.array([t.roughness])
+    return means_after(Candidate(()), t.diffuse, t.f0, roughness), means_after(c, t.diffuse, t.f0, roughness)
+
+
+def means_after(c: Candidate, diffuse: NDArray, f0: NDArray, roughness: NDArray) -> dict[str, NDArray]:
+    """Returns what becomes of mean diffuse (3,), specular (3,) and roughness (1,), by those names."""
+    return {
+        "diffuse": c.diffuse_of(diffuse), "specular": c.f0_of(f0), "roughness": c.roughness_of(roughness),
+    }  # fmt: skip
 
 
 def alike_means(answer: Answer, material: int, field: LightField) -> tuple[dict[str, NDArray], dict[str, NDArray]]:
@@ -117,12 +120,12 @@ def alike_means(answer: Answer, material: int, field: LightField) -> tuple[dict[
     weight = field.elements.area[rows].astype(np.float64)
     mean = lambda x: np.average(np.asarray(x, np.float64)[rows], axis=0, weights=weight)  # noqa: E731
     d, f0, roughness = mean(s.diffuse), mean(s.f0), np.atleast_1d(mean(s.roughness))
-    before = {"diffuse": d, "specular": f0, "roughness": roughness}
+    before = means_after(Candidate(()), d, f0, roughness)
     if answer.spread and material in answer.pool.partly:
         s = _varied_surface(s, s, answer, answer.spread, field, rows)
         d, f0, roughness = mean(s.diffuse), mean(s.f0), np.atleast_1d(mean(s.roughness))
-        return before, {"diffuse": d, "specular": f0, "roughness": roughness}
-    return before, {"diffuse": c.diffuse_of(d), "specular": c.f0_of(f0), "roughness": c.roughness_of(roughness)}
+        return before, means_after(Candidate(()), d, f0, roughness)
+    return before, means_after(c, d, f0, roughness)
 
 
 def changed_surface(
@@ -143,12 +146,7 @@ def changed_surface(
         if a.spread:
             there = np.isin(field.elements.material, a.pool.partly)
             surface = _varied_surface(surface, original, a, a.spread, field, there)
-        s, c = original, a.chosen
-        f0 = c.f0_of(s.f0[rows])
-        f90 = f0 if a.tables.is_metal and "specular" in c.freed else s.f90[rows]
-        surface = surface.with_rows(
-            rows, diffuse=c.diffuse_of(s.diffuse[rows]), f0=f0, f90=f90, roughness=c.roughness_of(s.roughness[rows])
-        )
+        surface = surface.with_rows(rows, **vars(a.chosen.apply(Parameters.of(original, rows), a.tables.is_metal)))
     return surface
 
 
@@ -157,8 +155,7 @@ def _varied_surface(
 ) -> Surface:
     """The elements' reflectance with a change that varies on some of them."""
     s, e = original, field.elements
-    reflectance = np.concatenate([s.diffuse[rows], s.f0[rows], s.roughness[rows, None]], 1)
-    delta = varying.at(Places(e.position[rows], e.geometric_normal[rows], reflectance))
+    delta = varying.at(Places(e.position[rows], e.geometric_normal[rows], Parameters.of(s, rows).packed))
     if varying.parameter == "glossiness":
         return surface.with_rows(rows, roughness=s.roughness[rows] + delta[:, 0])
     if varying.parameter == "diffuse":

@@ -10,11 +10,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
-
 from usdslf.inference.bilinear import Tables
 from usdslf.inference.candidate import Candidate
-from usdslf.inference.solve import predicted, relative_error
+from usdslf.inference.residuals import relative_rms, relative_scale
+from usdslf.inference.solve import relative_error
 
 HOPELESS = 0.25  # relative error of the best explanation above which the paint is looked at again
 TOO_BRIGHT = 0.9  # of what was painted is sent at most
@@ -32,7 +31,8 @@ def dimming(t: Tables) -> float:
     Args:
         t: under the light that the white surface itself sends round, where that matters.
     """
-    brightest = t.p[:, t.own] + ((1 - t.f0) * t.v[:, t.own] if t.is_metal else (1 - t.diffuse) * t.u[:, t.own])
+    now = t.dabs.at_level(t.own)
+    brightest = now.p + ((1 - t.f0) * now.v if t.is_metal else (1 - t.diffuse) * now.u)
     painted, sent = t.target.mean(0), brightest.mean(0)
     lit = painted > 1e-3 * painted.max()
     if not lit.any():  # black paint
@@ -43,10 +43,10 @@ def dimming(t: Tables) -> float:
 
 def error_of(t: Tables, c: Candidate) -> float:
     """Relative error of a candidate; of its mean colour where every stroke has one colour only."""
-    if not t.flat.all():
+    if not t.has_one_color.all():
         return relative_error(t, c)
     painted = t.target.mean(0)
-    return float(np.sqrt(np.mean(((predicted(t, c).mean(0) - painted) / (painted + 0.1 * painted.mean() + 1e-6)) ** 2)))
+    return relative_rms(c.radiance(t).mean(0), painted, relative_scale(painted))
 
 
 def explains_nothing(before: float, after: float) -> bool:

@@ -1,7 +1,7 @@
-"""Tables: the evidence about one material, pooled over strokes, bilinear in the change of its colours.
+"""Bilinear tables: the evidence about one material, pooled over strokes, bilinear in the change of its colours.
 
     pool_tables(evidences, material, model) -> Tables
-    bilinear(columns, d, F0, F90, ...) -> P, U, V, W        L = P + dd U + dF V - dd dF W
+    Bilinear(p, u, v, w)                L = P + dd U + dF V - dd dF W
 
 Source: Nguyen et al. 2013, 5.3 (Eqs. 3 to 6), pooled over the stroke.
 """
@@ -14,7 +14,52 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdslf.inference.evidence import Evidence, mean_by
+from usdslf.inference.residuals import mean_by_stroke, relative_scale
 from usdslf.scene.records import F64
+from usdslf.surfaces.reflectance import is_metal
+
+TEXTURED = 5e-3  # standard deviation of a reflectance over the dabs, above which it varies
+
+
+@dataclass(frozen=True)
+class Bilinear:
+    """Radiance of n rows at J levels of roughness, bilinear in the changes dd and dF of two colours.
+
+        L = P + dd U + dF V - dd dF W
+
+    All four are (n, J, 3), or (n, 3) at one level.
+    """
+
+    p: F64
+    u: F64
+    v: F64
+    w: F64
+
+    def __len__(self) -> int:
+        return len(self.p)
+
+    def at_level(self, level: int) -> Bilinear:
+        """Returns the rows (n, 3) at one level."""
+        return Bilinear(self.p[:, level], self.u[:, level], self.v[:, level], self.w[:, level])
+
+    def rows(self, rows: NDArray) -> Bilinear:
+        """Returns some of the rows."""
+        return Bilinear(self.p[rows], self.u[rows], self.v[rows], self.w[rows])
+
+    def predict(self, dd: F64, df: F64) -> F64:
+        """Returns the radiance, shaped like P, that changes (3,) of both colours give."""
+        return self.p + dd * self.u + df * self.v - dd * df * self.w
+
+    @staticmethod
+    def joined(parts: list[Bilinear]) -> Bilinear:
+        """Puts the rows of all parts into one."""
+        return Bilinear(*(np.concatenate([getattr(b, k) for b in parts]) for k in "puvw"))
+
+    @staticmethod
+    def empty(levels: int) -> Bilinear:
+        """Returns no rows at so many levels."""
+        none = np.zeros((0, levels, 3))
+        return Bilinear(none, none, none, none)
 
 
 @dataclass(frozen=True)
@@ -25,16 +70,14 @@ class Tables:
     scale: F64  # (n, 3) that makes residuals relative
     place: F64  # (n, 3) position of each dab
     stroke: NDArray[np.int64]  # (n,) which stroke
-    flat: NDArray[np.bool_]  # (n,) its stroke has one colour
-    p: F64  # (n, J, 3)
-    u: F64
-    v: F64
-    w: F64
-    tint_u: F64  # (n, J, 3) U and W of a factor on d, V of one on F0, instead of a term, for textured colours
-    tint_w: F64
-    tint_v: F64
-    back: tuple[F64, F64, F64, F64, F64]  # P, U, V, W (B, J, 3) and scale (B, 3)
-    elsewhere: tuple[F64, F64, F64, F64]  # P, U, V, W (E, J, 3) of unpainted points that the same eye sees
+    has_one_color: NDArray[np.bool_]  # (n,) its stroke does
+    dabs: Bilinear  # (n, J, 3)
+    factor_u: F64  # (n, J, 3) U and W of a factor on d, V of one on F0, instead of a term, for textured colours
+    factor_w: F64
+    factor_v: F64
+    background: Bilinear  # (B, J, 3) of unpainted directions
+    background_scale: F64  # (B, 3)
+    elsewhere: Bilinear  # (E, J, 3) of unpainted points that the same eye sees
     dab_levels: F64  # (n, J) roughness of each dab at each level
     levels: F64  # (J,) their means
     diffuse: F64  # (3,) means over the dabs
@@ -51,49 +94,87 @@ class Tables:
         """Level of the roughness as it is."""
         return len(self.levels) - 1
 
+    @property
+    def before(self) -> F64:
+        """Radiance (n, 3) of the dabs with nothing changed."""
+        return self.dabs.p[:, self.own]
+
+    def with_factors(self, of_diffuse: bool, of_f0: bool) -> Bilinear:
+        """Returns the dabs' tables for changes of which one may be a factor less one in place of a term."""
+        b = self.dabs
+        return Bilinear(
+            b.p,
+            self.factor_u if of_diffuse else b.u,
+            self.factor_v if of_f0 else b.v,
+            self.factor_w if of_diffuse else b.w,
+        )
+
+
+@dataclass(frozen=True)
+class _Rows:
+    """What one stroke says about a material: n dabs, E unpainted points, B unpainted directions."""
+
+    target: F64
+    place: F64
+    stroke: NDArray
+    has_one_color: NDArray
+    dabs: Bilinear
+    factor_u: F64
+    factor_w: F64
+    factor_v: F64
+    elsewhere: Bilinear
+    background: Bilinear
+    levels: F64
+    opacity: F64
+    diffuse: F64
+    f0: F64
+    f90: F64
+
 
 def pool_tables(evidences: list[Evidence], material: int, model: str = "preview_surface") -> Tables:
-    """Sums the evidence of strokes about one material into tables over dabs."""
-    parts = [_tables_of(e, material, i, model) for i, e in enumerate(evidences)]
-    parts = [p for p in parts if len(p["target"])]
+    """Sums the evidence of strokes about one material into tables over dabs.
+
+    Args:
+        material: into the scene's; some dab has to lie on it.
+        model: name of the reflectance model that the evidence was taken with.
+    """
+    parts = [part for i, e in enumerate(evidences) if len((part := _rows_of(e, material, i, model)).target)]
     assert parts, "no dab on the material"
-    cat = {k: np.concatenate([p[k] for p in parts]) for k in parts[0]}
-    target = cat["target"]
-    mean = np.array([np.mean(target[cat["stroke"] == s]) for s in cat["stroke"]])
-    seen = np.array([np.abs(cat["p"][cat["stroke"] == s, -1]).mean() for s in cat["stroke"]])
-    mean = np.where(mean > 1e-3 * seen, mean, seen)  # black paint: relative to what it covers
-    back_p = cat["back_p"]
-    back_scale = np.abs(back_p[:, -1]) + 0.1 * np.abs(back_p[:, -1]).mean() + 1e-9
-    d, f0, f90 = cat["d"], cat["f0"], cat["f90"]
+
+    def cat(name: str) -> NDArray:
+        return np.concatenate([getattr(part, name) for part in parts])
+
+    dabs, background = (Bilinear.joined([getattr(part, k) for part in parts]) for k in ("dabs", "background"))
+    target, stroke, levels = cat("target"), cat("stroke"), cat("levels")
+    d, f0 = cat("diffuse"), cat("f0")
+    mean = mean_by_stroke(target, stroke, dabs.p[:, -1])
     return Tables(
         target=target,
-        scale=np.abs(target) + 0.1 * mean[:, None] + 1e-6,
-        place=cat["place"],
-        stroke=cat["stroke"],
-        flat=cat["flat"],
-        p=cat["p"],
-        u=cat["u"],
-        v=cat["v"],
-        w=cat["w"],
-        tint_u=cat["tint_u"],
-        tint_w=cat["tint_w"],
-        tint_v=cat["tint_v"],
-        back=(back_p, cat["back_u"], cat["back_v"], cat["back_w"], back_scale),
-        elsewhere=tuple(cat[f"else_{k}"] for k in "puvw"),  # type: ignore[arg-type]
-        dab_levels=cat["levels"],
-        levels=cat["levels"].mean(0),
+        scale=relative_scale(target, mean[:, None]),
+        place=cat("place"),
+        stroke=stroke,
+        has_one_color=cat("has_one_color"),
+        dabs=dabs,
+        factor_u=cat("factor_u"),
+        factor_w=cat("factor_w"),
+        factor_v=cat("factor_v"),
+        background=background,
+        background_scale=relative_scale(background.p[:, -1], least=1e-9) if len(background) else np.zeros((0, 3)),
+        elsewhere=Bilinear.joined([part.elsewhere for part in parts]),
+        dab_levels=levels,
+        levels=levels.mean(0),
         diffuse=d.mean(0),
         f0=f0.mean(0),
-        roughness=float(cat["levels"][:, -1].mean()),
-        is_metal=bool(np.abs(f90 - f0).max() < 2e-3 and d.max() < 0.02),
-        is_textured=bool(d.std(0).max() > 5e-3),
-        is_textured_f0=bool(f0.std(0).max() > 5e-3),
-        most_diffuse=float(np.clip(cat["opacity"].min(), 0, 1)),
+        roughness=float(levels[:, -1].mean()),
+        is_metal=is_metal(d, f0, cat("f90")),
+        is_textured=bool(d.std(0).max() > TEXTURED),
+        is_textured_f0=bool(f0.std(0).max() > TEXTURED),
+        most_diffuse=float(np.clip(cat("opacity").min(), 0, 1)),
         is_phong=model == "phong",
     )
 
 
-def _tables_of(e: Evidence, material: int, index: int, model: str) -> dict[str, NDArray]:
+def _rows_of(e: Evidence, material: int, index: int, model: str) -> _Rows:
     n = len(e.target)
     here = np.flatnonzero(e.material == material)
     mean = lambda x: mean_by(x, e.dab_of_sample)[:n][here]  # noqa: E731
@@ -101,42 +182,34 @@ def _tables_of(e: Evidence, material: int, index: int, model: str) -> dict[str, 
     d, f0, f90 = (x.astype(np.float64) for x in (s.diffuse, s.f0, s.f90))
     if model == "phong":  # as the light field reflects it
         f0 = np.minimum(f0, np.maximum(1 - d, 0))
-    tied = bool(np.abs(f90 - f0).max() < 2e-3 and d.max() < 0.02) if len(d) else False
-    p, u, v, w = bilinear(e.columns, d, f0, f90, tied, model)
-    p = p + e.coat[:, None]
-    dd = d[:, None]
+    tied = is_metal(d, f0, f90)
+    b = bilinear(e.columns, d, f0, f90, tied, model)
+    b = Bilinear(b.p + e.coat[:, None], b.u, b.v, b.w)
     row = e.background_sample
     keep = e.material[e.dab_of_sample[row]] == material
     other = (e.dab_of_sample >= n) & (s.material == material)
-    bp, bu, bv, bw = (x[keep] for x in bilinear(e.background, d[row], f0[row], f90[row], tied, model))
     colors = e.target[here]
-    flat = e.stroke.tool == "replace" and len(here) > 2 and bool((colors.std(0) <= 0.01 * colors.mean() + 1e-9).all())
-    return {
-        "target": colors,
-        "place": mean(s.position.astype(np.float64)),
-        "stroke": np.full(len(here), index),
-        "flat": np.full(len(here), flat),
-        "p": mean(p),
-        "u": mean(u),
-        "v": mean(v),
-        "w": mean(w),
-        "tint_u": mean(u * dd),
-        "tint_w": mean(w * dd),
-        "tint_v": mean(v * f0[:, None]),
-        **{f"else_{k}": x[other] for k, x in zip("puvw", (p, u, v, w), strict=True)},
-        "back_p": bp,
-        "back_u": bu,
-        "back_v": bv,
-        "back_w": bw,
-        "levels": mean(e.levels),
-        "opacity": mean(s.opacity.astype(np.float64)),
-        "d": mean(d),
-        "f0": mean(f0),
-        "f90": mean(f90),
-    }
+    is_even = bool((colors.std(0) <= 0.01 * colors.mean() + 1e-9).all()) if len(here) > 2 else False
+    return _Rows(
+        target=colors,
+        place=mean(s.position.astype(np.float64)),
+        stroke=np.full(len(here), index),
+        has_one_color=np.full(len(here), e.stroke.tool == "replace" and is_even),
+        dabs=Bilinear(mean(b.p), mean(b.u), mean(b.v), mean(b.w)),
+        factor_u=mean(b.u * d[:, None]),
+        factor_w=mean(b.w * d[:, None]),
+        factor_v=mean(b.v * f0[:, None]),
+        elsewhere=b.rows(other),
+        background=bilinear(e.background, d[row], f0[row], f90[row], tied, model).rows(keep),
+        levels=mean(e.levels),
+        opacity=mean(s.opacity.astype(np.float64)),
+        diffuse=mean(d),
+        f0=mean(f0),
+        f90=mean(f90),
+    )
 
 
-def bilinear(columns: F64, d: F64, f0: F64, f90: F64, tied: bool, model: str) -> tuple[F64, F64, F64, F64]:
+def bilinear(columns: F64, d: F64, f0: F64, f90: F64, tied: bool, model: str) -> Bilinear:
     """Turns columns (n, J, 4, 3) into P, U, V, W (n, J, 3) about the present parameters (n, 3).
 
     Args:
@@ -145,9 +218,9 @@ def bilinear(columns: F64, d: F64, f0: F64, f90: F64, tied: bool, model: str) ->
     x, y, a, b = (columns[:, :, k] for k in range(4))
     d, f0, f90 = d[:, None], f0[:, None], f90[:, None]
     if model == "phong":
-        return d * x + f0 * a, x, a, np.zeros_like(x)
+        return Bilinear(d * x + f0 * a, x, a, np.zeros_like(x))
     p = d * ((1 - f0) * x + (1 - f90) * y) + f0 * a + f90 * b
     u = (1 - f0) * x + (1 - f90) * y
     if tied:
-        return p, u, a + b - d * (x + y), x + y
-    return p, u, a - d * x, x
+        return Bilinear(p, u, a + b - d * (x + y), x + y)
+    return Bilinear(p, u, a - d * x, x)

@@ -7,8 +7,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from usdslf.inference.bilinear import Tables
+from usdslf.inference.bilinear import Bilinear, Tables
 from usdslf.scene.records import F64
+from usdslf.surfaces.reflectance import Parameters
 
 GROUPS = ("diffuse", "specular", "glossiness")
 
@@ -21,11 +22,12 @@ class Candidate:
     delta_diffuse: F64 = field(default_factory=lambda: np.zeros(3))
     delta_f0: F64 = field(default_factory=lambda: np.zeros(3))
     roughness_shift: float = 0.0
-    is_tint: bool = False  # the delta of the diffuse colour, else of the specular one, is a factor less one
+    is_factor: bool = False  # the delta of the diffuse colour, else of the specular one, is a factor less one
     level: int = -1
     misfit: float = 0.0
     freedoms: int = 0
     cost: float = 0.0
+    is_admitted: bool = True  # by the norm; what is not can be chosen by its name alone
     is_metallic: bool = False  # a dielectric becomes a metal: no diffuse reflection, F90 follows F0
 
     @property
@@ -33,15 +35,32 @@ class Candidate:
         """Name in reports: the freed parameters joined by '+', or 'none'."""
         return "+".join(self.freed) or "none"
 
+    @property
+    def rank(self) -> tuple[bool, float]:
+        """What candidates of one pool are sorted by, the best first."""
+        return not self.is_admitted, self.cost
+
     def diffuse_of(self, d: NDArray) -> NDArray:
         """Applies the change to diffuse colours (..., 3)."""
-        changed = d * (1 + self.delta_diffuse) if self.is_tint else d + self.delta_diffuse
+        changed = d * (1 + self.delta_diffuse) if self.is_factor else d + self.delta_diffuse
         return np.clip(changed, 0, 1) if "diffuse" in self.freed else d
 
     def f0_of(self, f0: NDArray) -> NDArray:
         """Applies the change to specular colours (..., 3)."""
-        changed = f0 * (1 + self.delta_f0) if self.is_tint_f0 else f0 + self.delta_f0
+        changed = f0 * (1 + self.delta_f0) if self.is_factor_f0 else f0 + self.delta_f0
         return np.clip(changed, 0, 1) if "specular" in self.freed else f0
+
+    def apply(self, p: Parameters, is_metal: bool | NDArray[np.bool_]) -> Parameters:
+        """Applies the change to the parameters of n surfaces; F90 goes with F0 in a metal.
+
+        Args:
+            is_metal: of all, or (n,) of each.
+        """
+        f0 = self.f0_of(p.f0)
+        follows = (np.asarray(is_metal) | self.is_metallic) & ("specular" in self.freed)
+        return Parameters(
+            self.diffuse_of(p.diffuse), f0, np.where(follows[..., None], f0, p.f90), self.roughness_of(p.roughness)
+        )
 
     def delta_of(self, parameter: str) -> F64:
         """Returns the change (3,) of diffuse or specular, of glossiness (1,) the shift of roughness."""
@@ -49,27 +68,36 @@ class Candidate:
         return {"diffuse": self.delta_diffuse, "specular": self.delta_f0, "glossiness": shift}[parameter]
 
     @property
-    def is_tint_f0(self) -> bool:
+    def is_factor_f0(self) -> bool:
         """Whether delta_f0 is a factor less one."""
-        return self.is_tint and "diffuse" not in self.freed
+        return self.is_factor and "diffuse" not in self.freed
+
+    @property
+    def is_factor_diffuse(self) -> bool:
+        """Whether delta_diffuse is a factor less one."""
+        return self.is_factor and "diffuse" in self.freed
+
+    def radiance(self, t: Tables) -> F64:
+        """Returns the radiance (n, 3) of the dabs that the candidate gives at its level."""
+        b = t.with_factors(self.is_factor_diffuse, self.is_factor_f0)
+        return b.at_level(self.level).predict(self.delta_diffuse, self.delta_f0)
+
+    def radiance_beside(self, t: Tables, beside: Bilinear) -> F64:
+        """Returns the radiance (n, 3) of what was not painted, which knows terms only."""
+        c = self.as_terms(t)
+        return beside.at_level(self.level).predict(c.delta_diffuse, c.delta_f0)
 
     def as_terms(self, t: Tables) -> Candidate:
         """Returns the change with terms for factors, as they are for the mean colours."""
-        if not self.is_tint:
+        if not self.is_factor:
             return self
-        if self.is_tint_f0:
-            return replace(self, delta_f0=self.delta_f0 * t.f0, is_tint=False)
-        return replace(self, delta_diffuse=self.delta_diffuse * t.diffuse, is_tint=False)
+        if self.is_factor_f0:
+            return replace(self, delta_f0=self.delta_f0 * t.f0, is_factor=False)
+        return replace(self, delta_diffuse=self.delta_diffuse * t.diffuse, is_factor=False)
 
     def roughness_of(self, r: NDArray) -> NDArray:
         """Applies the change to roughness."""
         return np.clip(r + self.roughness_shift, 0.001, 1) if "glossiness" in self.freed else r
-
-
-def ways_of(c: Candidate) -> tuple[str, str, bool]:
-    """Returns how a candidate was fitted: `diffuse`, `specular` and `free_gloss` of `fit`."""
-    specular = "" if "specular" not in c.freed else "grey" if is_grey(c) else "color"
-    return "color" if "diffuse" in c.freed else "", specular, "glossiness" in c.freed
 
 
 def is_grey(c: Candidate) -> bool:

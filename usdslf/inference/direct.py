@@ -18,14 +18,15 @@ from numpy.typing import NDArray
 
 from usdslf.edits.storage import storage_of
 from usdslf.errors import SolveError, StrokeError
+from usdslf.inference.answer_residuals import varying_residual
 from usdslf.inference.answers import Answer, Painted, Pool, changed_surface, means_of, scope_rows
 from usdslf.inference.attainable import dimming, error_of, explains_nothing, seems_too_bright
 from usdslf.inference.bilinear import Tables, pool_tables
-from usdslf.inference.candidate import Candidate, ways_of
+from usdslf.inference.candidate import Candidate
 from usdslf.inference.evidence import Evidence, evaluate_columns
-from usdslf.inference.residuals import varying_residual
+from usdslf.inference.fit import Problem, Way, bounds_of_tables, hold_energy
 from usdslf.inference.samples import Samples, gather_samples
-from usdslf.inference.solve import bounds_of, enumerate_candidates, hold_energy, refit, relative_error, whiten
+from usdslf.inference.solve import enumerate_candidates, refit, refit_problem, relative_error
 from usdslf.inference.tools import asks_for_nothing, expected_error, wanted_radiance
 from usdslf.inference.varying import (
     VaryingAnswer,
@@ -246,9 +247,8 @@ def _changes(answers: list[Answer]) -> NDArray[np.float64]:
 def _with_changes(answer: Answer, change: NDArray) -> Answer:
     """The answer with another change (7,) of its freed parameters, held to what is possible."""
     c, t = answer.chosen, answer.tables
-    dd = np.clip(change[:3], *bounds_of(t.diffuse, c.is_tint and not c.is_tint_f0, t.most_diffuse))
-    df = np.clip(change[3:6], *bounds_of(t.f0, c.is_tint_f0))
-    dd, df = hold_energy(t, dd, df, *ways_of(c)[:2], c.is_tint)
+    of_diffuse, of_f0 = bounds_of_tables(t, c.is_factor_diffuse, c.is_factor_f0)
+    dd, df = hold_energy(t, np.clip(change[:3], *of_diffuse), np.clip(change[3:6], *of_f0), Way.of(c))
     chosen = replace(
         c,
         delta_diffuse=dd,
@@ -356,7 +356,7 @@ def _storable(
     found: dict[str, VaryingAnswer] = {}
     why: dict[str, None] = {}
     refused: set[tuple[str, bool]] = set()
-    for a in varying_answers(tables, options, whiten(tables, options), places, brush, pool.scope == "stroke"):
+    for a in varying_answers(Problem.of(tables, options), places, brush, pool.scope == "stroke"):
         kind = (a.id, a.varying.is_grey)
         if a.id in found or kind in refused:
             continue
@@ -402,11 +402,12 @@ def _refit(
             pairs = zip(mine, answer.pool.strokes, strict=True)
             fine = [_finer(e, painted[i].samples, field, chosen) for e, i in pairs]
             tables = pool_tables(fine, answer.pool.material, field.model)
-            fits = [refit(tables, replace(chosen, level=j), options) for j in range(FINE_LEVELS)]
+            problem = refit_problem(tables, options)
+            fits = [refit(problem, replace(chosen, level=j)) for j in range(FINE_LEVELS)]
             best = min(fits, key=lambda c: c.misfit)
             chosen = replace(best, roughness_shift=float(tables.levels[best.level] - tables.roughness))
         else:
-            chosen = refit(tables, replace(chosen, level=tables.own), options)
+            chosen = refit(refit_problem(tables, options), replace(chosen, level=tables.own))
     before, after = means_of(tables, chosen)
     return replace(answer, chosen=chosen, tables=tables, before=before, after=after)
 

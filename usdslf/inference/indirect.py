@@ -14,17 +14,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdslf.errors import SolveError, StrokeError
-from usdslf.inference.answers import Alternative, Answer, Painted, Pool, means_of
+from usdslf.inference.answers import Alternative, Answer, Painted, Pool, means_after, means_of
 from usdslf.inference.bilinear import Tables, pool_tables
 from usdslf.inference.candidate import Candidate
 from usdslf.inference.direct import fixed_materials
+from usdslf.inference.fit import whiten
 from usdslf.inference.joint_fit import Change, Fitted, fit_changes, mean_error, radiance_of
+from usdslf.inference.least_squares import bounded_least_squares
 from usdslf.inference.receivers import F64, Receiver, make_receiver, materials_in_sight, receiver_tables
-from usdslf.inference.solve import bounded_least_squares, enumerate_candidates, relative_error, whiten
+from usdslf.inference.residuals import relative_rms
+from usdslf.inference.solve import enumerate_candidates, relative_error, tempered
 from usdslf.inference.tools import asks_for_nothing, expected_error
 from usdslf.inference.weights import Options
 from usdslf.light_field.light_field import LightField, Surface
 from usdslf.scene.records import Scene
+from usdslf.surfaces.reflectance import Parameters
 
 # Light that went through the bins of two surfaces is foreseen worse, dab by dab, than what arrives directly; what is
 # asked for is far from what is there, so that errors count by their squares for longer.
@@ -50,6 +54,12 @@ class Explanation:
     cost: float
     changes: tuple[Change, ...]
     tables: Tables
+    is_admitted: bool = True  # by the norm
+
+    @property
+    def rank(self) -> tuple[bool, float]:
+        """What explanations are sorted by, the best first."""
+        return not self.is_admitted, self.cost
 
 
 def infer_indirect(
@@ -137,19 +147,21 @@ def _explanations(
         tables, as_metal = receiver_tables(receivers, m, field.surface, field)
         own.append((m, tables))
         candidates = [_plausible(c, tables, options) for c in enumerate_candidates(tables, options)]
-        candidates = [replace(c, cost=c.cost + _unmet(_foreseen(c, tables), receivers)) for c in candidates]
+        candidates = [replace(c, cost=c.cost + _unmet(c.radiance(tables), receivers)) for c in candidates]
         if as_metal is not None and options.norm == "mixed" and not scene.materials[m].use_specular_workflow:
             candidates += _as_metals(as_metal, tables, options, receivers)
-        candidates.sort(key=lambda c: c.cost)
+        candidates.sort(key=lambda c: c.rank)
         for i, c in enumerate(candidates):
             if c.id in {other.id for other in candidates[:i]}:
                 continue
             changes = (Change.of(m, c, tables),) if c.freed else ()
             name = f"{c.id} of {scene.materials[m].path}" if c.freed else "none"
-            found.append(Explanation(name, c.cost, changes, tables))
+            found.append(Explanation(name, c.cost, changes, tables, c.is_admitted))
     if len(own) > 1:
+        if options.norm == "l2":  # it moves all that it can
+            found = [replace(e, is_admitted=False) for e in found]
         found.append(_all_in_sight(own, options, receivers))
-    found.sort(key=lambda e: e.cost)
+    found.sort(key=lambda e: e.rank)
     return [e for i, e in enumerate(found) if e.id not in {other.id for other in found[:i]}]
 
 
@@ -157,13 +169,6 @@ def _plausible(c: Candidate, t: Tables, o: Options) -> Candidate:
     """The candidate with the cost of a dielectric that reflects like a metal."""
     is_odd = not t.is_metal and "specular" in c.freed and float(c.f0_of(t.f0).mean()) > MOST_DIELECTRIC
     return replace(c, cost=c.cost + o.kind) if is_odd else c
-
-
-def _foreseen(c: Candidate, t: Tables) -> F64:
-    """Radiance (n, 3) of the dabs by one bounce."""
-    u, w = (t.tint_u, t.tint_w) if c.is_tint else (t.u, t.w)
-    dd, df, j = c.delta_diffuse, c.delta_f0, c.level
-    return t.p[:, j] + dd * u[:, j] + df * t.v[:, j] - dd * df * w[:, j]
 
 
 def _unmet(radiance: F64, receivers: list[Receiver]) -> float:
@@ -178,7 +183,7 @@ def _as_metals(as_metal: Tables, t: Tables, o: Options, receivers: list[Receiver
         if "specular" not in c.freed:
             continue
         f0 = float(c.f0_of(t.f0).mean())
-        cost = c.cost + (0.5 if f0 > MOST_DIELECTRIC else 2.0) * o.kind + _unmet(_foreseen(c, as_metal), receivers)
+        cost = c.cost + (0.5 if f0 > MOST_DIELECTRIC else 2.0) * o.kind + _unmet(c.radiance(as_metal), receivers)
         freed = ("diffuse", *c.freed)
         found.append(replace(c, freed=freed, delta_diffuse=-t.diffuse, is_metallic=True, cost=cost))
     return found
@@ -190,10 +195,10 @@ def _all_in_sight(own: list[tuple[int, Tables]], o: Options, receivers: list[Rec
     white = whiten(t, o)
     columns = []
     for _, each in own:
-        u = each.u[:, each.own] / t.scale
+        u = each.dabs.u[:, each.own] / t.scale
         columns += [white @ (u * channel).reshape(-1) for channel in np.eye(3)]
     a = np.stack(columns, 1)
-    r = white @ ((t.target - t.p[:, t.own]) / t.scale).reshape(-1)
+    r = white @ ((t.target - t.before) / t.scale).reshape(-1)
     low, high = (np.concatenate(x) for x in zip(*((-each.diffuse, 1 - each.diffuse) for _, each in own), strict=True))
     x = bounded_least_squares(
         np.concatenate([a, np.eye(a.shape[1]) / JOINT_REACH]), np.concatenate([r, np.zeros(a.shape[1])]), low, high
@@ -201,20 +206,20 @@ def _all_in_sight(own: list[tuple[int, Tables]], o: Options, receivers: list[Rec
     n = len(t.target)
     misfit = float(((r - a @ x) ** 2).sum())
     freed = ("diffuse",) if o.norm != "l2" else ("diffuse", "specular", "glossiness")
-    cost = n * o.tail * np.log1p(misfit / (n * o.tail)) + 3 * o.freedom + (len(own) - 1) * MATERIAL_COST
-    changes, radiance = [], t.p[:, t.own]
+    cost = tempered(misfit, n, o) + 3 * o.freedom + (len(own) - 1) * MATERIAL_COST
+    changes, radiance = [], t.before
     for i, (m, each) in enumerate(own):
         delta = x[3 * i : 3 * i + 3]
-        radiance = radiance + delta * each.u[:, each.own]
+        radiance = radiance + delta * each.dabs.u[:, each.own]
         c = Candidate(freed, delta_diffuse=delta, level=each.own, freedoms=3 if o.norm != "l2" else 7)
         changes.append(Change.of(m, c, each))
-    cost += _unmet(radiance, receivers) - (1e6 if o.norm == "l2" else 0.0)
+    cost += _unmet(radiance, receivers)
     return Explanation(f"{'+'.join(freed)} of all in sight", float(cost), tuple(changes), t)
 
 
 def _shared(best: Explanation, explanations: list[Explanation]) -> Explanation:
     """Where the diffuse colours of several materials would do about as well, all in sight take their share."""
-    near = [e for e in explanations if e.cost - best.cost < AMBIGUOUS and len(e.changes) == 1]
+    near = [e for e in explanations if e.is_admitted and e.cost - best.cost < AMBIGUOUS and len(e.changes) == 1]
     materials = {e.changes[0].material for e in near if e.changes[0].candidate.freed == ("diffuse",)}
     joint = next((e for e in explanations if len(e.changes) > 1), None)
     if joint is None or len(materials) < 2 or best.changes[0].candidate.freed != ("diffuse",):
@@ -296,10 +301,7 @@ def _answers(
     ends = np.cumsum(counts)
     spans = {i: slice(e - c, e) for i, e, c in zip(wanted, ends, counts, strict=True)}
     total = int(ends[-1])
-    errors = [
-        float(np.sqrt(np.mean(((x[:total] - t.target[:total]) / t.scale[:total]) ** 2)))
-        for x in (before, fitted.radiance)
-    ]
+    errors = [relative_rms(x[:total], t.target[:total], t.scale[:total]) for x in (before, fitted.radiance)]
     answers: list[Answer] = []
     serves = _serves(fitted, wanted, spans, field, painted)
     for c, strokes in zip(fitted.changes, serves, strict=True):
@@ -357,7 +359,7 @@ def _look(e: Explanation) -> tuple:
 
 def _is_tie(e: Explanation, chosen: Explanation) -> bool:
     """Whether another explanation is as good as the chosen one, and not the same in other words."""
-    is_near = e.cost - chosen.cost < AMBIGUOUS and len(e.changes) == 1
+    is_near = e.is_admitted and e.cost - chosen.cost < AMBIGUOUS and len(e.changes) == 1
     return is_near and bool(chosen.changes) and _look(e) != _look(chosen)
 
 
@@ -365,14 +367,9 @@ def _alternative(e: Explanation, scene: Scene, is_chosen: bool, is_tie: bool) ->
     first = e.changes[0] if e.changes else None
     after: dict[str, NDArray] = {}
     if first is not None:
-        c = first.candidate
-        after = {
-            "diffuse": c.diffuse_of(first.diffuse),
-            "specular": c.f0_of(first.f0),
-            "roughness": c.roughness_of(np.array([first.roughness])),
-        }
+        after = means_after(first.candidate, first.diffuse, first.f0, np.array([first.roughness]))
     materials = tuple(scene.materials[c.material].path for c in e.changes)
-    return Alternative(e.id, e.cost, materials, after, is_chosen, is_tie)
+    return Alternative(e.id, e.cost if e.is_admitted else None, materials, after, is_chosen, is_tie)
 
 
 def _nothing_in_sight(receivers: list[Receiver], scene: Scene, kept: set[int]) -> str:
@@ -417,13 +414,7 @@ def _with_answers(painted: Painted, direct: Sequence[Answer], scene: Scene) -> P
         rows = s.material == a.pool.material
         if a.pool.targets:
             rows &= np.isin(s.mesh, [i for i, m in enumerate(scene.meshes) if m.path in a.pool.targets])
-        f0 = np.where(rows[:, None], c.f0_of(s.f0), s.f0).astype(np.float32)
-        follows = a.tables.is_metal and "specular" in c.freed
-        s = replace(
-            s,
-            diffuse=np.where(rows[:, None], c.diffuse_of(s.diffuse), s.diffuse).astype(np.float32),
-            f0=f0,
-            f90=np.where(rows[:, None] & follows, f0, s.f90),
-            roughness=np.where(rows, c.roughness_of(s.roughness), s.roughness).astype(np.float32),
-        )
+        new = vars(c.apply(Parameters.of(s), a.tables.is_metal))
+        there = {k: rows if x.ndim == 1 else rows[:, None] for k, x in new.items()}
+        s = replace(s, **{k: np.where(there[k], x, getattr(s, k)).astype(np.float32) for k, x in new.items()})
     return replace(painted, samples=replace(painted.samples, surface=s))

@@ -19,11 +19,13 @@ from numpy.typing import NDArray
 
 from usdslf.inference.bilinear import Tables
 from usdslf.inference.candidate import Candidate, is_grey
+from usdslf.inference.fit import whiten
+from usdslf.inference.least_squares import bounded_least_squares
 from usdslf.inference.receivers import F64, Receiver, carried, present_radiance, rows_in_sight
-from usdslf.inference.solve import bounded_least_squares, whiten
+from usdslf.inference.residuals import relative_scale
 from usdslf.inference.weights import Options
 from usdslf.light_field.light_field import LightField, Surface
-from usdslf.surfaces.reflectance import column_weights
+from usdslf.surfaces.reflectance import Parameters, column_weights
 
 ROUNDS = 8
 DONE = 0.02  # relative error of the strokes' means at which nothing is left to do
@@ -54,13 +56,9 @@ class Change:
 
     def apply(self, surface: Surface, start: Surface, field: LightField) -> Surface:
         """Returns a surface with the change of the elements' reflectance at the start."""
-        rows, c = field.elements.material == self.material, self.candidate
-        f0 = c.f0_of(start.f0[rows])
-        follows = (self.is_metal or c.is_metallic) and "specular" in c.freed
-        return surface.with_rows(
-            rows, diffuse=c.diffuse_of(start.diffuse[rows]), f0=f0, f90=f0 if follows else start.f90[rows],
-            roughness=c.roughness_of(start.roughness[rows]),
-        )  # fmt: skip
+        rows = field.elements.material == self.material
+        changed = self.candidate.apply(Parameters.of(start, rows), self.is_metal)
+        return surface.with_rows(rows, **vars(changed))
 
     # ── parameters as a vector: diffuse (3), F0 (1 or 3), roughness (1), as far as freed ──────────
 
@@ -83,7 +81,7 @@ class Change:
         """Lowest and highest values of the vector."""
         d, f0, c = self.diffuse, self.f0, self.candidate
         limits = {
-            "diffuse": (-np.ones(3), 1 / np.maximum(d, 1e-3) - 1) if c.is_tint else (-d, 1 - d),
+            "diffuse": (-np.ones(3), 1 / np.maximum(d, 1e-3) - 1) if c.is_factor else (-d, 1 - d),
             "specular": (-f0, 1 - f0),
             "glossiness": (np.array([0.01 - self.roughness]), np.array([1 - self.roughness])),
         }
@@ -184,7 +182,7 @@ def mean_error(receivers: list[Receiver], radiance: F64) -> float:
         got, target = radiance[first : first + len(r.target)].mean(0), r.target.mean(0)
         first += len(r.target)
         if not r.is_held:
-            errors.append(float((np.abs(got - target) / (target + 0.1 * target.mean() + 1e-9)).max()))
+            errors.append(float((np.abs(got - target) / relative_scale(target, least=1e-9)).max()))
     return max(errors)
 
 
@@ -199,7 +197,7 @@ class _Rows:
         self.white = whiten(t, replace(o, dab_error=FIT_ERROR, drift_error=0.0, tint_error=0.0))
         number = np.concatenate([np.full(len(r.target), i) for i, r in enumerate(receivers)])
         self.strokes = [number == i for i, r in enumerate(receivers) if not r.is_held]
-        self.certain = t.flat  # one colour on everything says nothing about single dabs
+        self.certain = t.has_one_color  # one colour on everything says nothing about single dabs
 
     def misfit(self, radiance: F64) -> float:
         """Sum of squares of radiance (n, 3), of single dabs by the logarithm."""
@@ -269,7 +267,7 @@ def _columns(changes: Sequence[Change], receivers: list[Receiver], start: Surfac
                 up, down = np.clip(rough + PROBE, 0.001, 1), np.clip(rough - PROBE, 0.001, 1)
                 out.append((seen(weights, up) - seen(weights, down)) / float((up - down).mean()))
                 continue
-            unit = start.diffuse[rows] if name == "diffuse" and c.candidate.is_tint else np.ones_like(d)
+            unit = start.diffuse[rows] if name == "diffuse" and c.candidate.is_factor else np.ones_like(d)
             if name == "diffuse":
                 moved = column_weights(field.model, d + unit, f0, f90)
             else:

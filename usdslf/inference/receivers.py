@@ -18,18 +18,18 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from usdslf.inference.bilinear import Tables
+from usdslf.inference.bilinear import TEXTURED, Bilinear, Tables
 from usdslf.inference.evidence import SHARPEST, Evidence, evaluate_columns, mean_by, unchanging_radiance
+from usdslf.inference.residuals import relative_scale
 from usdslf.light_field.light_field import LightField, Surface
 from usdslf.scene.records import Scene
-from usdslf.surfaces.reflectance import column_weights, columns, lobe_parameter
+from usdslf.surfaces.reflectance import column_weights, columns, is_metal, lobe_parameter
 
 if TYPE_CHECKING:
     from usdslf.inference.answers import Painted
 
 F64 = NDArray[np.float64]
 Seen = Callable[[NDArray, NDArray], F64]  # weights (r, 4, 3) and roughness (r,) -> what the dabs see of it (n, 3)
-Parts = tuple[F64, F64, F64, F64, F64, F64, F64 | None]
 LEVELS = (0.1, 0.2, 0.3, 0.45, 0.65, 0.9)  # roughness that is asked first
 NO_LINK = 0xFFFFFFFE  # what is packed below is a link
 MOST_MATERIALS = 6
@@ -49,7 +49,7 @@ class Receiver:
     sees: dict[int, float]  # material -> share of what the dabs see
     elements: NDArray[np.int64]  # that its rays are tied to
     is_held: bool  # wants what it has
-    is_flat: bool  # one colour was painted on all of it
+    has_one_color: bool  # one colour was painted on all of it
 
 
 def make_receiver(painted: Painted, evidence: Evidence, field: LightField, is_fixed: bool) -> Receiver:
@@ -72,10 +72,11 @@ def make_receiver(painted: Painted, evidence: Evidence, field: LightField, is_fi
     sees = {int(m): float(share[m]) for m in np.flatnonzero(share > LEAST_SHARE)}
     place = mean_by(surface.position.astype(np.float64), evidence.dab_of_sample)[:n]
     target = present_radiance(painted, field) if is_fixed else evidence.target
-    is_flat = not is_fixed and n > 2 and bool(np.ptp(target, 0).max() <= 0.01 * target.mean() + 1e-9)
+    has_one_color = not is_fixed and n > 2 and bool(np.ptp(target, 0).max() <= 0.01 * target.mean() + 1e-9)
     return Receiver(
-        painted, evidence.dab_of_sample, carry.astype(np.float32), target, place, sees, elements, is_fixed, is_flat
-    )
+        painted, evidence.dab_of_sample, carry.astype(np.float32), target, place, sees, elements, is_fixed,
+        has_one_color,
+    )  # fmt: skip
 
 
 def present_radiance(painted: Painted, field: LightField) -> F64:
@@ -129,7 +130,7 @@ def receiver_tables(
     """
     rows = rows_in_sight(receivers, material, field)
     d, f0, f90, rough = (getattr(original, k)[rows] for k in ("diffuse", "f0", "f90", "roughness"))
-    is_metal = bool(np.abs(f90 - f0).max() < 2e-3 and d.max() < 0.02)
+    metal = is_metal(d, f0, f90)
     levels = np.array(LEVELS) if levels is None else levels
     mean_rough = float(np.average(rough))
     all_levels = [np.clip(rough + (r - mean_rough), 0.001, 1) for r in levels] + [rough]
@@ -143,40 +144,65 @@ def receiver_tables(
     base = total - seen(present, now.roughness[rows])
     is_uniform = max(float(x.std(0).max()) for x in (d, f0, f90)) < UNIFORM
     parts = _uniform_parts if is_uniform else _varying_parts
-    p, u, v, w, tint_u, tint_w, metal_v = parts(seen, field.model, d, f0, f90, all_levels, is_metal)
+    found = parts(seen, field.model, d, f0, f90, all_levels, metal)
     j = len(all_levels)
     spread = lambda x: np.repeat(x[:, None], j, 1)  # noqa: E731
+    dabs = Bilinear(base[:, None] + found.p, spread(found.u), found.v, spread(found.w))
     target = np.concatenate([r.target for r in receivers])
     # who holds a place makes no error of brightness over the stroke: each dab stands for itself
     number = np.concatenate([np.full(len(r.target), i) for i, r in enumerate(receivers)])
     held = np.concatenate([np.full(len(r.target), r.is_held) for r in receivers])
     mean = np.array([target[number == s].mean() for s in number])
     stroke = np.where(held, len(receivers) + np.arange(len(number)), number)
-    flat = np.concatenate([np.full(len(r.target), r.is_flat) for r in receivers])
-    none = np.zeros((0, j, 3))
     all_means = np.concatenate([levels, [mean_rough]])
     tables = Tables(
-        target, np.abs(target) + 0.1 * mean[:, None] + 1e-6, np.concatenate([r.place for r in receivers]), stroke, flat,
-        base[:, None] + p, spread(u), v, spread(w), spread(tint_u), spread(tint_w), np.zeros_like(v),
-        (none, none, none, none, np.zeros((0, 3))), (none, none, none, none),
-        np.broadcast_to(all_means, (len(target), j)), all_means,
-        d.mean(0).astype(np.float64), f0.mean(0).astype(np.float64), mean_rough, is_metal,
-        bool(d.std(0).max() > 5e-3),
-    )  # fmt: skip
-    if metal_v is None:
+        target=target,
+        scale=relative_scale(target, mean[:, None]),
+        place=np.concatenate([r.place for r in receivers]),
+        stroke=stroke,
+        has_one_color=np.concatenate([np.full(len(r.target), r.has_one_color) for r in receivers]),
+        dabs=dabs,
+        factor_u=spread(found.factor_u),
+        factor_w=spread(found.factor_w),
+        factor_v=np.zeros_like(dabs.v),
+        background=Bilinear.empty(j),
+        background_scale=np.zeros((0, 3)),
+        elsewhere=Bilinear.empty(j),
+        dab_levels=np.broadcast_to(all_means, (len(target), j)),
+        levels=all_means,
+        diffuse=d.mean(0).astype(np.float64),
+        f0=f0.mean(0).astype(np.float64),
+        roughness=mean_rough,
+        is_metal=metal,
+        is_textured=bool(d.std(0).max() > TEXTURED),
+    )
+    if found.metal_v is None:
         return tables, None
-    nothing = np.zeros_like(tables.u)
+    nothing = np.zeros_like(dabs.u)
     as_metal = replace(
-        tables, p=base[:, None] + tables.f0 * metal_v, u=nothing, v=metal_v, w=nothing, tint_u=nothing, tint_w=nothing,
-        diffuse=np.zeros(3), is_metal=True,
+        tables, dabs=Bilinear(base[:, None] + tables.f0 * found.metal_v, nothing, found.metal_v, nothing),
+        factor_u=nothing, factor_w=nothing, diffuse=np.zeros(3), is_metal=True,
     )  # fmt: skip
     return tables, as_metal
 
 
+@dataclass(frozen=True)
+class _Parts:
+    """What the dabs (n) see of a material: P and V at J levels, U, W and those of a factor on d at the own one."""
+
+    p: F64  # (n, J, 3)
+    u: F64  # (n, 3)
+    v: F64  # (n, J, 3)
+    w: F64  # (n, 3)
+    factor_u: F64  # (n, 3)
+    factor_w: F64  # (n, 3)
+    metal_v: F64 | None = None  # (n, J, 3) V of the metal that the material might become
+
+
 def _uniform_parts(
     seen: Seen, model: str, d: NDArray, f0: NDArray, f90: NDArray, levels: list[NDArray], is_metal: bool
-) -> Parts:
-    """P, U, V, W, U and W of a tint, V of a metal, for a material of one colour: from its X, Y, A and B."""
+) -> _Parts:
+    """The parts for a material of one colour: from its X, Y, A and B."""
     zero, one = np.zeros_like(d), np.ones_like(d)
     d_, f0_, f90_ = (x.mean(0).astype(np.float64) for x in (d, f0, f90))
     phong = model == "phong"
@@ -186,17 +212,17 @@ def _uniform_parts(
     a = np.stack([seen(alone(2), r) for r in levels], 1)
     b = np.zeros_like(a) if phong else np.stack([seen(alone(3), r) for r in levels], 1)
     if phong:
-        return (d_ * x)[:, None] + f0_ * a, x, a, 0 * x, d_ * x, 0 * x, None
+        return _Parts((d_ * x)[:, None] + f0_ * a, x, a, 0 * x, d_ * x, 0 * x)
     u = (1 - f0_) * x + (1 - f90_) * y
     p = (d_ * u)[:, None] + f0_ * a + f90_ * b
     if is_metal:
-        return p, u, a + b - (d_ * (x + y))[:, None], x + y, d_ * u, d_ * (x + y), None
-    return p, u, a - (d_ * x)[:, None], x, d_ * u, d_ * x, a + b
+        return _Parts(p, u, a + b - (d_ * (x + y))[:, None], x + y, d_ * u, d_ * (x + y))
+    return _Parts(p, u, a - (d_ * x)[:, None], x, d_ * u, d_ * x, a + b)
 
 
 def _varying_parts(
     seen: Seen, model: str, d: NDArray, f0: NDArray, f90: NDArray, levels: list[NDArray], is_metal: bool
-) -> Parts:
+) -> _Parts:
     """The same for a material whose colours vary over its elements."""
     zero, one = np.zeros_like(d), np.ones_like(d)
     phong = model == "phong"
@@ -208,5 +234,5 @@ def _varying_parts(
     own = levels[-1]
     p = np.stack([seen(column_weights(model, d, f0, f90), r) for r in levels], 1)
     v = np.stack([seen(v_weights, r) for r in levels], 1)
-    tint_u, tint_w = (seen(x * d[:, None], own) for x in (u_weights, w_weights))
-    return p, seen(u_weights, own), v, seen(w_weights, own), tint_u, tint_w, None
+    factor_u, factor_w = (seen(x * d[:, None], own) for x in (u_weights, w_weights))
+    return _Parts(p, seen(u_weights, own), v, seen(w_weights, own), factor_u, factor_w)

@@ -1,98 +1,47 @@
-"""Residuals of answers that are not one change for all dabs: exact, sample by sample, under the light of now.
+"""Relative residuals: the one rule for how far radiance is from what was painted.
 
-A residual is the relative root mean square of the painted radiance of a pool's dabs minus what is seen.
+    residual = (radiance - target) / scale        scale = |target| + 0.1 mean + least
+
+A tenth of the mean of what is compared keeps dark places from counting more than they are seen.  Radiance has three
+channels; the mean goes over places and channels together.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from usdslf.inference.answers import Answer, Painted
-from usdslf.inference.bilinear import bilinear
-from usdslf.inference.evidence import evaluate_columns, mean_by, unchanging_radiance
-from usdslf.inference.varying import Varying
-from usdslf.light_field.light_field import LightField
-from usdslf.scene.records import Scene
-from usdslf.similarity.similarity import places_of
-from usdslf.surfaces.surface_points import evaluate_surface
+from usdslf.scene.records import F64
+
+SHARE_OF_MEAN = 0.1
+LEAST = 1e-6  # radiance
+BLACK = 1e-3  # share of what it covers, below which paint is black
 
 
-def varying_residual(
-    answer: Answer, varying: Varying, painted: list[Painted], field: LightField, model: str = ""
-) -> float:
-    """Returns the residual of a change that varies, as it is at each sample under the light of now.
+def relative_scale(target: NDArray, mean: ArrayLike | None = None, least: float = LEAST) -> F64:
+    """Returns what differences are divided by, shaped like the target (..., 3) [radiance], above 0.
 
     Args:
-        model: of reflection; "": that of the light field.
+        mean: that the target is one of, broadcast against it; None: the target's own mean magnitude.
+        least: that stands for a target that is black throughout.
     """
-
-    def changed(p: Painted) -> tuple[NDArray, NDArray, NDArray, NDArray]:
-        s = p.samples.surface
-        d, f0, f90, rough = (x.astype(np.float64) for x in (s.diffuse, s.f0, s.f90, s.roughness))
-        here = s.material == answer.pool.material
-        delta = varying.at(places_of(s).rows(here))
-        if varying.parameter == "glossiness":
-            rough[here] += delta[:, 0]
-        elif varying.parameter == "diffuse":
-            d[here] += delta
-        else:
-            f0[here] += delta
-            f90 = f0 if answer.tables.is_metal else f90
-        return d, f0, f90, rough
-
-    return _residual_of(answer, painted, field, changed, model or field.model)
+    size = np.abs(target)
+    return size + SHARE_OF_MEAN * (size.mean() if mean is None else np.asarray(mean)) + least
 
 
-def residual_as_written(answer: Answer, written: Scene, painted: list[Painted], field: LightField) -> float:
-    """Returns the residual of an answer where a look layer shows it, under the light of now.
+def mean_by_stroke(target: NDArray, stroke: NDArray, covered: NDArray) -> F64:
+    """Returns the mean target (n,) of the stroke of each dab, for `relative_scale`.
 
     Args:
-        written: the shot with the look, triangle by triangle that of before.
+        target: (n, 3).
+        stroke: (n,) which stroke each dab is of.
+        covered: (n, 3) radiance before any change; black paint is relative to that.
     """
-
-    def changed(p: Painted) -> tuple[NDArray, NDArray, NDArray, NDArray]:
-        old = p.samples.surface
-        s = evaluate_surface(written, old.triangle, old.barycentric)
-        return s.diffuse, s.f0, s.f90, s.roughness
-
-    return _residual_of(answer, painted, field, changed, field.model)
+    mean = np.array([np.mean(target[stroke == s]) for s in stroke])
+    seen = np.array([np.abs(covered[stroke == s]).mean() for s in stroke])
+    return np.where(mean > BLACK * seen, mean, seen)
 
 
-def residual_as_preview(answer: Answer, painted: list[Painted], field: LightField) -> float:
-    """Returns the residual of an answer by phong where UsdPreviewSurface reflects the same light with its parameters.
-
-    That is what a look layer holds: d = k_d, F0 = k_s, and the roughness whose GGX lobe is as wide.
-    """
-    if answer.varying:
-        return varying_residual(answer, answer.varying, painted, field, "preview_surface")
-    c = answer.chosen
-
-    def changed(p: Painted) -> tuple[NDArray, NDArray, NDArray, NDArray]:
-        s = p.samples.surface
-        d, f0, f90 = (x.astype(np.float64) for x in (s.diffuse, s.f0, s.f90))
-        own = s.roughness.astype(np.float64)
-        new = c.f0_of(f0)
-        f90 = np.where(np.abs(f90 - f0).max(1, keepdims=True) < 2e-3, new, f90)
-        return c.diffuse_of(d), new, f90, c.roughness_of(own) if c.freed else own
-
-    return _residual_of(answer, painted, field, changed, "preview_surface")
-
-
-def _residual_of(
-    answer: Answer, painted: list[Painted], field: LightField,
-    changed: Callable[[Painted], tuple[NDArray, NDArray, NDArray, NDArray]], model: str,
-) -> float:  # fmt: skip
-    """Residual of an answer with another reflectance (d, F0, F90, roughness) of each sample."""
-    t, seen = answer.tables, []
-    for i in answer.pool.strokes:
-        p = painted[i]
-        d, f0, f90, rough = (np.asarray(x, np.float64) for x in changed(p))
-        columns = evaluate_columns(p.samples, field, rough[:, None], model)
-        radiance = bilinear(columns, d, f0, f90, False, model)[0][:, 0] + unchanging_radiance(p.samples, field)
-        n = len(p.rows)
-        material = p.samples.surface.material[np.searchsorted(p.samples.dab, np.arange(n))]
-        seen.append(mean_by(radiance, p.samples.dab)[:n][material == answer.pool.material])
-    return float(np.sqrt(np.mean(((np.concatenate(seen) - t.target) / t.scale) ** 2)))
+def relative_rms(radiance: NDArray, target: NDArray, scale: NDArray) -> float:
+    """Returns the root mean square of relative residuals of radiance (n, 3), 0 where it is as painted."""
+    return float(np.sqrt(np.mean(((radiance - target) / scale) ** 2)))

@@ -171,7 +171,7 @@ def seen_radiance(samples: Samples, field: LightField) -> F64:
 def _sum(columns: F64, samples: Samples, field: LightField) -> F64:
     """Radiance (S, 3) from columns (S, 1, 4, 3)."""
     d, f0, f90 = (x.astype(np.float64) for x in (samples.surface.diffuse, samples.surface.f0, samples.surface.f90))
-    return bilinear(columns, d, f0, f90, False, field.model)[0][:, 0] + unchanging_radiance(samples, field)
+    return bilinear(columns, d, f0, f90, False, field.model).p[:, 0] + unchanging_radiance(samples, field)
 
 
 def _blurred(

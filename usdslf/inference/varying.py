@@ -26,10 +26,12 @@ import numpy as np
 from usdslf.inference.bilinear import Tables
 from usdslf.inference.candidate import Candidate
 from usdslf.inference.evidence import Evidence, mean_by
-from usdslf.inference.solve import refit, relative_error, score
+from usdslf.inference.fit import Problem
+from usdslf.inference.solve import refit, refit_problem, relative_error, score
 from usdslf.inference.weights import Options
 from usdslf.scene.records import F64
 from usdslf.similarity.similarity import Places, Weights, blocks, reach_of, shares
+from usdslf.surfaces.reflectance import COLUMNS, Parameters
 
 LENGTHS = (0.5, 0.25, 0.12, 0.06, 0.03)  # of smoothing, in the stroke's extent
 TILT = 1e-4  # that planes are held against across what was painted, where no dab says how they lie
@@ -41,7 +43,6 @@ OVER_TEXTURE = 10.0  # cost of a texture that is painted over
 LEADS = 0.25  # lengths beyond the dabs that a gradient goes on
 DARKEST = 0.02  # reflectance that a factor can be told from
 NEWTON, LONGEST_STEP = 6, 0.15  # rounds for roughness, and how far one goes
-COLUMNS = {"diffuse": slice(0, 3), "specular": slice(3, 6), "glossiness": slice(6, 7)}  # of Places.reflectance
 
 
 @dataclass(frozen=True)
@@ -128,7 +129,7 @@ def as_spread(c: Candidate, v: Varying | None, places: Places, reach: float, wei
     if len(c.freed) != 1:
         return None
     q = np.tile(c.delta_of(c.freed[0]), (len(places), 1))
-    form = "factor" if c.is_tint else "add"
+    form = "factor" if c.is_factor else "add"
     return Varying(c.freed[0], form, reach, q, np.zeros((*q.shape, 3)), places, reach, True, weights)
 
 
@@ -146,8 +147,7 @@ def places_of_dabs(evidences: Sequence[Evidence], material: int) -> Places:
     for e in evidences:
         s, n = e.surface, len(e.target)
         here = np.flatnonzero(e.material == material)
-        reflectance = np.concatenate([s.diffuse, s.f0, s.roughness[:, None]], 1)
-        rows = (s.position, s.geometric_normal, reflectance)
+        rows = (s.position, s.geometric_normal, Parameters.of(s).packed)
         parts.append(tuple(mean_by(x.astype(np.float64), e.dab_of_sample)[:n][here] for x in rows))  # type: ignore[arg-type]
     position, normal, reflectance = (np.concatenate(x) for x in zip(*parts, strict=True))
     normal = normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-9)
@@ -169,7 +169,7 @@ class VaryingAnswer:
 
 
 def varying_answers(
-    t: Tables, o: Options, white: F64, places: Places, brush: float, is_gated: bool = False
+    problem: Problem, places: Places, brush: float, is_gated: bool = False
 ) -> list[VaryingAnswer]:
     """Returns answers that vary, best first, each with its cost as a candidate; none where no stroke can ask.
 
@@ -177,8 +177,9 @@ def varying_answers(
         brush: width [stage units].
         is_gated: whether they fade where nothing painted is near.
     """
+    t, o = problem.tables, problem.options
     n = len(t.target)
-    if n < FEWEST or t.flat.all():
+    if n < FEWEST or t.has_one_color.all():
         return []
     extent = float(np.linalg.norm(np.ptp(places.position, axis=0)))
     reach = reach_of(places.position, 0.5 * brush)
@@ -192,9 +193,7 @@ def varying_answers(
             v, leverage = _smoothed(t, v)
             if np.ptp(v.q if form == "value" else v.of_dabs(), axis=0).max() < LEAST_STEP:
                 continue
-            r = white @ ((predicted_varying(t, v) - t.target) / t.scale).reshape(-1)
-            of_dab = (r * r).reshape(n, 3).sum(1)
-            misfit = float((o.outlier * np.log1p(of_dab / o.outlier)).sum())
+            misfit = problem.misfit(problem.white @ ((predicted_varying(t, v) - t.target) / t.scale).reshape(-1))
             c = _as_candidate(t, v, misfit, round(float(leverage.sum())))
             c = replace(c, cost=score(t, o, c) + o.variation + OVER_TEXTURE * (form == "value"))
             found.append(VaryingAnswer(c, v, _error_left_out(t, v, leverage)))
@@ -210,7 +209,7 @@ def asks_to_vary(t: Tables, o: Options, a: VaryingAnswer, constant: Candidate) -
     """
     if a.mean.cost < constant.cost and a.error_left_out < relative_error(t, constant):
         return True
-    best = relative_error(t, refit(t, constant, o))
+    best = relative_error(t, refit(refit_problem(t, o), constant))
     return best > HOPELESS and a.error_left_out < NEARER * best
 
 
@@ -248,8 +247,8 @@ def predicted_varying(t: Tables, v: Varying) -> F64:
     slope, base = _slope(t, v)
     q = np.broadcast_to(v.q, slope.shape)
     if v.form == "value":
-        return t.p[:, t.own] - base + q * slope
-    return t.p[:, t.own] + v.of_dabs() * slope if v.form == "add" else t.p[:, t.own] + q * slope
+        return t.before - base + q * slope
+    return t.before + v.of_dabs() * slope if v.form == "add" else t.before + q * slope
 
 
 def as_candidate(t: Tables, v: Varying, c: Candidate) -> Candidate:
@@ -270,9 +269,9 @@ def _as_candidate(t: Tables, v: Varying, misfit: float, freedoms: int) -> Candid
 def _slope(t: Tables, v: Varying) -> tuple[F64, F64]:
     """dL/dq (n, 3) of a colour, and what the colour itself sends now (n, 3)."""
     if v.parameter == "diffuse":
-        u, base = t.u[:, t.own], t.tint_u[:, t.own]
+        u, base = t.dabs.u[:, t.own], t.factor_u[:, t.own]
     else:
-        u, base = t.v[:, t.own], t.tint_v[:, t.own]
+        u, base = t.dabs.v[:, t.own], t.factor_v[:, t.own]
     return (base if v.form == "factor" else u), base
 
 
@@ -281,7 +280,7 @@ def _smoothed(t: Tables, v: Varying) -> tuple[Varying, F64]:
     if v.parameter == "glossiness":
         return _smoothed_roughness(t, v)
     slope, base = _slope(t, v)
-    asked = t.target - t.p[:, t.own] + (base if v.form == "value" else 0)
+    asked = t.target - t.before + (base if v.form == "value" else 0)
     weight = (slope / t.scale) ** 2
     wanted = asked / np.where(np.abs(slope) > 1e-12, slope, 1e-12)
     value = _value(v, v.places)
@@ -343,14 +342,14 @@ def _best_step(t: Tables, v: Varying) -> F64:
     """The level of roughness (n,) that explains the neighbourhood of each dab best."""
     apart = v.places.position[None] - v.places.position[:, None]
     k = np.exp(-0.5 * (apart**2).sum(-1) / v.length**2)
-    off = (((t.p[:, : t.own] - t.target[:, None]) / t.scale[:, None]) ** 2).sum(2)  # (n, J)
+    off = (((t.dabs.p[:, : t.own] - t.target[:, None]) / t.scale[:, None]) ** 2).sum(2)  # (n, J)
     best = (k @ off).argmin(1)
     return np.take_along_axis(t.dab_levels[:, : t.own], best[:, None], 1)[:, 0]
 
 
 def _at_roughness(t: Tables, rho: F64) -> tuple[F64, F64]:
     """Radiance (n, 3) of the dabs at a roughness (n,) each, and its slope: linear between the levels."""
-    levels, p = t.dab_levels[:, : t.own], t.p[:, : t.own]
+    levels, p = t.dab_levels[:, : t.own], t.dabs.p[:, : t.own]
     i = np.clip((levels <= rho[:, None]).sum(1) - 1, 0, t.own - 2)[:, None]
     low, high = (np.take_along_axis(levels, i + k, 1) for k in (0, 1))
     at_low, at_high = (np.take_along_axis(p, (i + k)[..., None], 1)[:, 0] for k in (0, 1))

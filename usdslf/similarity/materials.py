@@ -21,6 +21,7 @@ from usdslf.scene.records import F32, Camera, Scene
 from usdslf.similarity.similarity import Places, Weights, gate, most_similar, places_at, reach_of
 from usdslf.strokes.anchors import locate_stroke
 from usdslf.strokes.stroke import Stroke, dab_rows
+from usdslf.surfaces.reflectance import Parameters
 
 if TYPE_CHECKING:
     from usdslf.rays import RayTracer
@@ -82,8 +83,7 @@ def alike_materials(
         leave: materials that stay as they are, or have a stroke of their own.
         weights: default OF_MATERIALS.
     """
-    reflectance = np.concatenate([elements.diffuse, elements.f0, elements.roughness[:, None]], 1)
-    places = Places(elements.position, elements.geometric_normal, reflectance)
+    places = Places(elements.position, elements.geometric_normal, Parameters.of(elements).packed)
     is_alike = gate(most_similar(places, painted, reach, weights or OF_MATERIALS)) > 0.5
     found = {}
     for m in np.unique(elements.material):

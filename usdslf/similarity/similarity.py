@@ -25,6 +25,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from usdslf.errors import InputError
 from usdslf.scene.records import F64, Scene
+from usdslf.surfaces.reflectance import Parameters
 from usdslf.surfaces.surface_points import SurfacePoints, evaluate_surface
 
 REFLECTANCE_STEP = 0.08  # of d, F0 and roughness together, that is clearly seen
@@ -67,7 +68,7 @@ class Places:
 
 def places_of(surface: SurfacePoints) -> Places:
     """Takes what similarity looks at from points on surfaces."""
-    reflectance = np.concatenate([surface.diffuse, surface.f0, surface.roughness[:, None]], 1)
+    reflectance = Parameters.of(surface).packed
     return Places(surface.position, surface.geometric_normal, reflectance, surface.base_color, surface.metallic)
 
 

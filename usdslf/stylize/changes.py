@@ -22,6 +22,7 @@ from usdslf.scene.records import F64, Scene
 from usdslf.similarity.similarity import Places
 from usdslf.similarity.upsample import upsampling_weights
 from usdslf.stylize.unsharp_mask import MaterialStyle, Stylized
+from usdslf.surfaces.reflectance import Parameters
 
 FINER = 3  # texels between elements
 SMALLEST, LARGEST = 64, 512  # texels on a side of a texture for an input that had none
@@ -63,8 +64,7 @@ def with_styles(
 ) -> MaterialChange:  # fmt: skip
     """Gives a stylized change its textures and values at points; names in `warnings` what changes by its mean."""
     at = style.elements
-    reflectance = np.concatenate([elements.diffuse[at], elements.f0[at], elements.roughness[at, None]], 1)
-    places = Places(elements.position[at], elements.geometric_normal[at], reflectance)
+    places = Places(elements.position[at], elements.geometric_normal[at], Parameters.of(elements, at).packed)
     spacing = float(np.sqrt(np.mean(elements.area[at])))
     side = int(np.clip(2 ** np.ceil(np.log2(FINER * np.sqrt(len(at)))), SMALLEST, LARGEST))
     d, f0, roughness = stylized.change_at(at)

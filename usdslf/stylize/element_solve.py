@@ -31,7 +31,7 @@ from usdslf.light_field.light_field import LANES, NEAR, LightField, levels_of
 from usdslf.light_field.preconvolution import LevelKernel
 from usdslf.sampling.hemisphere import D
 from usdslf.scene.records import F64
-from usdslf.surfaces.reflectance import LEVEL_COUNT, column_weights, gloss_levels
+from usdslf.surfaces.reflectance import LEVEL_COUNT, are_metal, column_weights, gloss_levels
 
 FACTORS = {"l2": (np.inf, np.inf, np.inf, 1.0), "l0": (1.0, 1.0, np.inf, np.inf), "mixed": (1.0, 1.0, 5.0, 25.0)}
 """Of a residual where none, one, two, three parameters change; the paper's weights are those of mixed."""
@@ -153,8 +153,7 @@ def joined(parts: Sequence[Found]) -> Found:
 def follows_f0(field: LightField) -> NDArray[np.bool_]:
     """Returns the elements (N,) whose F90 goes with F0: metals."""
     s = field.surface
-    tied: NDArray[np.bool_] = (np.abs(s.f90 - s.f0).max(1) < 2e-3) & (s.diffuse.max(1) < 0.02)
-    return tied & (field.model != "phong")
+    return are_metal(s.diffuse, s.f0, s.f90) & (field.model != "phong")
 
 
 class _Work:

@@ -39,6 +39,7 @@ from usdslf.stylize.element_solve import (
     joined,
 )
 from usdslf.stylize.surroundings import Surroundings
+from usdslf.surfaces.reflectance import Parameters
 
 AMOUNT, MOST_AMOUNT = 1.0, 10.0
 RADIUS = 0.1  # of the scene's diagonal
@@ -281,7 +282,7 @@ def smooth_changes(elements: Elements, before: Surface, after: Surface) -> Surfa
     number = np.bincount(group)
     spacing = np.sqrt(np.bincount(group, elements.area) / np.maximum(number, 1))
     place = surface_coordinates(elements.position, elements.normal, group, spacing[group])
-    look = np.concatenate([before.diffuse, before.f0, before.roughness[:, None]], 1) / ALIKE
+    look = Parameters.of(before).packed / ALIKE
     distance, near = cKDTree(np.concatenate([place, look], 1)).query(
         np.concatenate([place, look], 1), k=min(SMOOTH_OVER, n), distance_upper_bound=SMOOTH_WITHIN
     )

@@ -14,7 +14,9 @@ Source: Nguyen et al. 2013, 5.2; Walter et al. 2007; Heitz 2014; UsdPreviewSurfa
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -26,6 +28,49 @@ F64 = NDArray[np.float64]
 MODELS = ("preview_surface", "phong")
 LEVEL_COUNT = 20  # n_c of the paper
 MIN_ROUGHNESS = 0.001  # UsdPreviewSurface clamps there
+TIED, NO_DIFFUSE = 2e-3, 0.02  # of a metal: F90 is F0 as near as this, and the diffuse reflectance below that
+
+
+def are_metal(diffuse: NDArray, f0: NDArray, f90: NDArray) -> NDArray[np.bool_]:
+    """Tells which of n surfaces (n,) are metals: F90 goes with F0, and there is no diffuse reflection.
+
+    Args:
+        diffuse, f0, f90: (n, 3), 0..1.
+    """
+    metal: NDArray[np.bool_] = (np.abs(f90 - f0).max(1) < TIED) & (diffuse.max(1) < NO_DIFFUSE)
+    return metal
+
+
+def is_metal(diffuse: NDArray, f0: NDArray, f90: NDArray) -> bool:
+    """Tells whether all of n surfaces (n, 3) are metals; none at all is none."""
+    return bool(len(diffuse)) and bool(are_metal(diffuse, f0, f90).all())
+
+
+@dataclass(frozen=True)
+class Parameters:
+    """The parameters of n surfaces that an edit may change, any float type."""
+
+    diffuse: NDArray  # (n, 3) d
+    f0: NDArray  # (n, 3)
+    f90: NDArray  # (n, 3)
+    roughness: NDArray  # (n,) the input, not alpha
+
+    @staticmethod
+    def of(surface: Any, rows: Any = slice(None)) -> Parameters:
+        """Takes them from elements, surface points or a light field's surface: all, or some rows."""
+        return Parameters(surface.diffuse[rows], surface.f0[rows], surface.f90[rows], surface.roughness[rows])
+
+    def astype(self, dtype: Any) -> Parameters:
+        """Returns them in another float type."""
+        return Parameters(*(np.asarray(x).astype(dtype) for x in vars(self).values()))
+
+    @property
+    def packed(self) -> NDArray:
+        """Rows (n, 7) of d, F0 and roughness, see COLUMNS."""
+        return np.concatenate([self.diffuse, self.f0, self.roughness[:, None]], 1)
+
+
+COLUMNS = {"diffuse": slice(0, 3), "specular": slice(3, 6), "glossiness": slice(6, 7)}  # of Parameters.packed
 
 
 def roughness_levels() -> F64:
