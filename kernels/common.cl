@@ -8,8 +8,6 @@
 #endif
 #define D_BINS (SIDE * SIDE)
 #define PI_F 3.14159265358979f
-#define ESCAPES 0xffffffffu
-#define BLOCKED 0xfffffffeu
 #define LUMINANCE ((float3)(0.2126f, 0.7152f, 0.0722f)) /* its weights, as in usdslf/color.py */
 
 inline float3 load3(__global const float *rows, size_t i) { return vload3(i, rows); }

@@ -1,11 +1,12 @@
 /* guide.cl: the light that arrives at elements by blocks of bins, from which rays are guided: see usdslf/render/guide.py. */
 #include "bin_blocks.cl"
+#include "links.cl"
 
 /* luminance times cosine that arrives at each block of an element: from surfaces, their own emission left out (it is
  * sampled as light); the cosine-weighted share of the block that escapes; and all of the light */
 __kernel void guiding_light(
     const uint count,                 /* N * blocks */
-    __global const uint *hit,         /* (N, D) element << 10 | bin */
+    __global const uint *hit,         /* (N, D) links */
     __global const float *mean,       /* (N, D / BLOCK^2, 3) outgoing, of average_bins */
     __global const float *fixed,      /* (N, D, 3) light that arrives from lights and domes */
     __global const float *emitted,    /* (N) luminance */
@@ -24,11 +25,11 @@ __kernel void guiding_light(
             uint h = hit[element * D_BINS + d];
             all += dot(load3(fixed, element * D_BINS + d), LUMINANCE) * z;
             if (h == ESCAPES) open += z;
-            if (h >= BLOCKED) continue;
-            uint bin = h % D_BINS;
+            if (!IS_LINK(h)) continue;
+            uint bin = BIN_OF(h);
             uint to = block_of(bin);
-            float l = dot(load3(mean, (size_t)(h / D_BINS) * BLOCK_COUNT + to), LUMINANCE);
-            sum += max(l - emitted[h / D_BINS], 0.0f) * z;
+            float l = dot(load3(mean, (size_t)(ELEMENT_OF(h)) * BLOCK_COUNT + to), LUMINANCE);
+            sum += max(l - emitted[ELEMENT_OF(h)], 0.0f) * z;
             all += l * z;
         }
     store3((float3)(sum, open, all), light, i);

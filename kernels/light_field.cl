@@ -5,7 +5,7 @@
  *     L_o = dx (E/pi - Y) + dy Y + F0 A + F90 B          dx = d (1 - F0), dy = d (1 - F90)
  * Nguyen et al. 2013, 5.2 and 6.2.
  */
-#include "common.cl"
+#include "links.cl"
 
 #define LANES 16
 #define Q_BINS (D_BINS / 4)
@@ -32,7 +32,7 @@ __kernel void gather(__global const int *order, __global const uint *hit, __glob
             size_t at = (size_t)e * D_BINS + d;
             uint h = hit[at];
             v = load3(fixed, at);
-            if (h < BLOCKED) v += load3(outgoing, h);
+            if (IS_LINK(h)) v += load3(outgoing, h);
         }
         r[lane] = v.x; g[lane] = v.y; b[lane] = v.z;
     }
@@ -174,40 +174,4 @@ __kernel void difference(__global const float *old, __global const float *now, c
     }
     difference[2 * e] = apart;
     difference[2 * e + 1] = all;
-}
-
-/* links from hits: the arrival bin of each of a hit's elements
- * elements   (n, NEAR) near elements of each hit; negative: none
- * directions (n, 3) of travel, world
- * frames     (N, 3, 3)
- * links      (n, NEAR): result, packed element << 10 | bin, ESCAPES for none
- */
-__kernel void link_hits(__global const int *elements, __global const float *directions, __global const float *frames,
-                        const uint count, __global uint *links)
-{
-    uint i = get_global_id(0);
-    if (i >= count) return;
-    float3 back = -load3(directions, i);
-    for (int k = 0; k < NEAR; k++) {
-        int e = elements[i * NEAR + k];
-        links[i * NEAR + k] = e < 0 ? ESCAPES : ((uint)e << 10) | (uint)bin_of(local_from_world(frames, e, back));
-    }
-}
-
-/* radiance carried by links
- * links    (n, NEAR); weights (n, NEAR)
- * outgoing (N, D, 3)
- * radiance (n, 3): result
- */
-__kernel void follow_links(__global const uint *links, __global const float *weights, __global const float *outgoing,
-                           const uint count, __global float *radiance)
-{
-    uint i = get_global_id(0);
-    if (i >= count) return;
-    float3 v = (float3)(0.0f);
-    for (int k = 0; k < NEAR; k++) {
-        uint h = links[i * NEAR + k];
-        if (h < BLOCKED) v += weights[i * NEAR + k] * load3(outgoing, h);
-    }
-    store3(v, radiance, i);
 }

@@ -77,38 +77,3 @@ inline void blend_at(__global const float *corners, __global const uint *cells, 
     }
     for (int k = 0; k < BLEND; k++) weight[k] = dead ? 0.0f : weight[k] / sum;
 }
-
-/* what rays arrive at: the elements that are blended at each hit, and the bin in which each sends light back
- * count          rays
- * triangle       (n) that was hit, -1 for none
- * barycentric    (n, 2)
- * direction      (n, 3) of travel
- * face_normal    (T, 3)
- * corners        (T, 3, 3)
- * cells, entries, cell_count, near_elements (entries, NEAR), position (N, 3): the tables
- * frames         (N, 3, 3)
- * link           (n, 4) result: element << 10 | bin, ESCAPES for a miss, BLOCKED for a side without elements
- * weight         (n, 4) result: sums to 1, or 0
- */
-__kernel void link_rays(const uint count, __global const int *triangle, __global const float *barycentric,
-                        __global const float *direction, __global const float *face_normal,
-                        __global const float *corners, __global const uint *cells, __global const uint *entries,
-                        const uint cell_count, __global const uint *near_elements, __global const float *position,
-                        __global const float *frames, __global uint *link, __global float *weight)
-{
-    size_t r = get_global_id(0);
-    if (r >= count) return;
-    int escapes = triangle[r] < 0;
-    size_t t = escapes ? 0 : triangle[r];
-    float3 w = load3(direction, r);
-    uint who[BLEND + 1];
-    float share[BLEND];
-    blend_at(corners, cells, entries, cell_count, near_elements, position, t, barycentric[2 * r], barycentric[2 * r + 1],
-             dot(w, load3(face_normal, t)) > 0.0f, who, share);
-    int blocked = share[0] == 0.0f;
-    for (int k = 0; k < BLEND; k++) {
-        uint to = blocked ? BLOCKED : who[k] << 10 | (uint)bin_of(local_from_world(frames, blocked ? 0 : who[k], -w));
-        link[r * BLEND + k] = escapes ? ESCAPES : to;
-        weight[r * BLEND + k] = escapes ? 0.0f : share[k];
-    }
-}

@@ -12,13 +12,13 @@
  * the sums run along memory, and L - B, both read off that sphere, is zero where neighbours look alike.
  *     Nguyen et al. 2013, 7 (of the light field); Ritschel et al. 2008 (over surfaces in space).
  */
-#include "common.cl"
+#include "links.cl"
 
 /* whether what element j sees in a bin is nearer than a radius */
 inline int is_hidden(__global const uint *hit, __global const float *position, uint j, int bin, float radius)
 {
     uint h = hit[(size_t)j * D_BINS + bin];
-    return h == BLOCKED || (h < BLOCKED && distance(load3(position, h >> 10), load3(position, j)) < radius);
+    return h == BLOCKED || (IS_LINK(h) && distance(load3(position, ELEMENT_OF(h)), load3(position, j)) < radius);
 }
 
 /* where on the sphere each bin of an element lies, and in which of four passes it is masked

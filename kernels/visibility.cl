@@ -3,7 +3,7 @@
  * Nguyen et al. 2013, 6.1; what their splats decide in screen space, the cells of lookup.cl decide on the surface.
  * Written without branches, so that a CPU puts work-items into its lanes.
  */
-#include "lookup.cl"
+#include "links.cl"
 
 #define COMPARED 4  /* elements of an entry that are compared; the nearest is one of them 1999 times in 2000 */
 #define DISTANCE_BITS 0xfffffff8u
@@ -42,7 +42,7 @@ inline uint bin_of_lane(float x, float y, float z)
  * frames            (N, 3, 3)
  * face_normal       (T, 3)
  * cells, entries, cell_count, near_elements, position: the tables
- * hit               (n) result: element << 10 | bin, ESCAPES, or BLOCKED
+ * hit               (n) result: links
  */
 __kernel void pack_hits(const uint count, __global const uint *ray, const float least, __global const int *triangle,
                         __global const float *u, __global const float *v, __global const float *distance,
@@ -87,6 +87,6 @@ __kernel void pack_hits(const uint count, __global const uint *ray, const float 
     __global const float *q = frames + 9 * (size_t)e;
     uint bin = bin_of_lane(-(x * q[0] + y * q[1] + z * q[2]), -(x * q[3] + y * q[4] + z * q[5]),
                            -(x * q[6] + y * q[7] + z * q[8]));
-    uint link = blocked ? BLOCKED : e << 10 | bin;
+    uint link = blocked ? BLOCKED : LINK(e, bin);
     hit[r] = escapes ? ESCAPES : link;
 }

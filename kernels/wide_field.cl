@@ -1,5 +1,6 @@
 /* wide_field.cl: the light field for wide rays, averaged over blocks of bins: see usdslf/render/wide_field.py. */
 #include "bin_blocks.cl"
+#include "links.cl"
 
 __kernel void average_bins(
     const uint count,                 /* N * blocks */
@@ -20,7 +21,7 @@ __kernel void average_bins(
 __kernel void follow_wide_links(
     const uint n,                   /* hits */
     const uint near,                /* links of each */
-    __global const uint *links,     /* (n, near) element << 10 | bin */
+    __global const uint *links,     /* (n, near) links */
     __global const float *weights,  /* (n, near) */
     __global const float *mean,     /* (N, D / BLOCK^2, 3) */
     __global float *radiance)       /* (n, 4) out: interpolated, and the luminance of the brightest element */
@@ -31,10 +32,10 @@ __kernel void follow_wide_links(
     float brightest = 0.0f;
     for (uint k = 0; k < near; k++) {
         uint h = links[i * near + k];
-        if (h >= BLOCKED) continue;
-        uint bin = h % D_BINS;
+        if (!IS_LINK(h)) continue;
+        uint bin = BIN_OF(h);
         uint b = block_of(bin);
-        float3 one = load3(mean, (size_t)(h / D_BINS) * BLOCK_COUNT + b);
+        float3 one = load3(mean, (size_t)(ELEMENT_OF(h)) * BLOCK_COUNT + b);
         float weight = weights[i * near + k];
         v += weight * one;
         if (weight > 0.02f) brightest = max(brightest, dot(one, LUMINANCE));

@@ -14,7 +14,8 @@ from kit.moving_stages import FRAMES
 import usdslf
 from usdslf.animation.retrace import move_elements, retrace
 from usdslf.elements.lookup import ElementLookup
-from usdslf.light_field.visibility import BLOCKED, Visibility, trace_visibility
+from usdslf.light_field.links import BLOCKED
+from usdslf.light_field.visibility import Visibility, trace_visibility
 from usdslf.scene.difference import Moved, Space, find_moved, why_not_comparable
 from usdslf.session import Session
 

@@ -10,10 +10,10 @@ from scipy.spatial import cKDTree
 
 from usdslf.elements.cells import cell_centres, cell_of
 from usdslf.elements.elements import sample_elements, share_out
-from usdslf.elements.lookup import ElementLookup, blend_weights, link_rays
+from usdslf.elements.lookup import ElementLookup, blend_weights
 from usdslf.errors import StageError
 from usdslf.gpu.device import open_device
-from usdslf.light_field.visibility import BLOCKED, ESCAPES
+from usdslf.light_field.links import BLOCKED, ESCAPES, link_rays
 from usdslf.rays import RayTracer, points_at
 from usdslf.sampling.blue_noise import choose_blue_noise
 from usdslf.scene.records import Camera, Material, PrimvarInput, constant

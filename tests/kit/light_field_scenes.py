@@ -12,8 +12,9 @@ from usdslf.elements.elements import Elements, sample_elements
 from usdslf.elements.lookup import ElementLookup
 from usdslf.gpu.device import Device
 from usdslf.light_field.light_field import LightField
+from usdslf.light_field.links import ESCAPES
 from usdslf.light_field.static_light import static_light
-from usdslf.light_field.visibility import ESCAPES, Visibility, trace_visibility
+from usdslf.light_field.visibility import Visibility, trace_visibility
 from usdslf.rays import RayTracer
 from usdslf.sampling.hemisphere import D, bin_directions
 from usdslf.scene.records import Light, Material, Mesh, Scene, constant

@@ -13,8 +13,8 @@ from reference import reflectance as model_ref
 
 from usdslf.elements.elements import Elements
 from usdslf.gpu.device import Device, Kernel
+from usdslf.light_field.links import BLOCKED, ESCAPES, element_of, is_link
 from usdslf.light_field.static_light import static_light
-from usdslf.light_field.visibility import ESCAPES
 from usdslf.sampling.hemisphere import D, bin_directions
 from usdslf.scene.records import Light
 from usdslf.surfaces.reflectance import roughness_levels
@@ -238,3 +238,24 @@ def test_light_arrives_from_where_the_links_say(small: Lit) -> None:
     expected = small.fixed[rows] + np.where((hit < 0xFFFFFFFE)[..., None], out[np.where(hit < 0xFFFFFFFE, hit, 0)], 0)
     np.testing.assert_allclose(got, expected, rtol=1e-6)
     assert (hit != ESCAPES).mean() > 0.9
+
+
+def test_a_ray_that_meets_a_side_without_light_is_tied_to_nothing(device: Device) -> None:
+    """The inside of a closed box has no elements: not even one of weight zero is named there."""
+    boxes = [box((0, 0, 0), (1, 1, 1), path="/box")]
+    made = lit(device, boxes, [material(0.5)], (lamp(1.9, (1, 1), 0.6),), 77, bounces=1)
+    way = np.random.default_rng(3).normal(size=(201, 3))
+    way = (way / np.linalg.norm(way, axis=1, keepdims=True)).astype(np.float32)
+    for origin, is_dark in ((np.full(3, 0.5), True), (np.array([0.5, 0.5, 1.3]), False)):
+        hits = made.tracer.intersect(np.broadcast_to(origin, way.shape), way)
+        links_d, weights_d = made.field.link_hits(hits.triangle, hits.barycentric, way)
+        links, weights = device.download(links_d), device.download(weights_d)
+        met = hits.triangle >= 0
+        assert met.sum() > 10 and (links[~met] == ESCAPES).all() and not weights[~met].any()
+        if is_dark:
+            assert met.all() and (links == BLOCKED).all() and not weights.any()
+        else:
+            assert is_link(links[met]).all()
+            np.testing.assert_allclose(weights[met].sum(1), 1, rtol=1e-5)
+            facing = np.einsum("nkj,nj->nk", made.elements.geometric_normal[element_of(links[met])], way[met])
+            assert (facing < 0).all()

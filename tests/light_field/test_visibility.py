@@ -8,7 +8,8 @@ from reference.visibility import first_hits, nearest_elements, square_cells
 from usdslf.elements.elements import sample_elements
 from usdslf.elements.lookup import ElementLookup
 from usdslf.gpu.device import open_device
-from usdslf.light_field.visibility import BATCH, BLOCKED, ESCAPES, outgoing_directions, trace_visibility
+from usdslf.light_field.links import BLOCKED, ESCAPES
+from usdslf.light_field.visibility import BATCH, outgoing_directions, trace_visibility
 from usdslf.rays import LEAST_COSINE, RayTracer, points_at
 from usdslf.sampling.hemisphere import D, bin_directions
 from usdslf.scene.records import Material, Texture, constant

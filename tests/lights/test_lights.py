@@ -10,8 +10,8 @@ from kit.scene_records import make_mesh
 from reference import lights as ref
 
 from usdslf.color import USD_DEFAULT_SPACE
+from usdslf.light_field.links import ESCAPES
 from usdslf.light_field.static_light import intersect_light, is_delta, sample_light, static_light
-from usdslf.light_field.visibility import ESCAPES
 from usdslf.lights.defaults import default_lights
 from usdslf.lights.dome import Dome
 from usdslf.rays import RayTracer

@@ -13,7 +13,7 @@ from reference.element_least import fit_freely, model
 
 from usdslf.gpu.device import Device
 from usdslf.light_field.light_field import LightField
-from usdslf.light_field.visibility import ESCAPES
+from usdslf.light_field.links import ESCAPES
 from usdslf.sampling.hemisphere import D, bin_directions
 from usdslf.stylize.element_solve import FITTED, OWN, enumerate_elements, follows_f0
 from usdslf.stylize.unsharp_mask import ask_elements, choose_surface

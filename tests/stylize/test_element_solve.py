@@ -15,8 +15,8 @@ from reference.preconvolution import exact_row
 
 from usdslf.gpu.device import Device
 from usdslf.light_field.light_field import LightField, levels_of
+from usdslf.light_field.links import ESCAPES
 from usdslf.light_field.preconvolution import build_level
-from usdslf.light_field.visibility import ESCAPES
 from usdslf.sampling.hemisphere import D, bin_directions
 from usdslf.stylize.element_solve import (
     FACTORS,

@@ -23,7 +23,8 @@ from usdslf.elements.elements import LEAST, Elements
 from usdslf.elements.lookup import ElementLookup
 from usdslf.elements.neighbours import NEAR, NONE
 from usdslf.gpu.device import Device
-from usdslf.light_field.visibility import BLOCKED, Visibility, trace_bins
+from usdslf.light_field.links import BLOCKED
+from usdslf.light_field.visibility import Visibility, trace_bins
 from usdslf.rays import RayTracer
 from usdslf.sampling.hemisphere import D, bin_directions
 from usdslf.scene.difference import Moved, Space

@@ -38,7 +38,6 @@ BLEND = 4  # of them are blended at a point
 CELLS_PER_SPACING = 1.5
 SMALL = 3  # divisions of triangles that share entries with others
 SAME_SPACING = 0.05  # share by which that of a part may change before its cells are done again
-LINK_GROUP = 64  # work-items of a group
 
 
 @dataclass(frozen=True)
@@ -276,57 +275,18 @@ class ElementLookup:
         return np.where(near == NONE, near[:, :1], near)
 
     def upload(self, device: Device) -> DeviceLookup:
-        """Copies the tables to a device."""
+        """Copies the tables to a device; what is empty gets a row of zeros, which rays that miss may look at."""
+        some = lambda a: device.upload(a if len(a) else np.zeros((1, *a.shape[1:]), a.dtype))  # noqa: E731
         return DeviceLookup(
-            cells_of_triangle_d=device.upload(
-                np.stack([self.first_cell, self.divisions.astype(np.uint32)], 1).astype(np.uint32)
-            ),
-            face_normal_d=device.upload(self._scene.triangles.face_normals),
+            cells_of_triangle_d=some(np.stack([self.first_cell, self.divisions.astype(np.uint32)], 1)),
+            face_normal_d=some(self._scene.triangles.face_normals),
             entry_of_cell_d=device.upload(self.entry_of_cell),
-            elements_of_entry_d=device.upload(self._filled(self.elements_of_entry)),
-            position_d=device.upload(self._elements.position),
-            frames_d=device.upload(self._elements.frame),
-            corners_d=device.upload(self._scene.triangles.positions),
+            elements_of_entry_d=some(self._filled(self.elements_of_entry)),
+            position_d=some(self._elements.position),
+            frames_d=some(self._elements.frame),
+            corners_d=some(self._scene.triangles.positions),
             cell_count=np.uint32(self.entry_of_cell.shape[1]),
         )
-
-
-def link_rays(
-    device: Device, tables: DeviceLookup, triangle: NDArray, barycentric: NDArray, direction: NDArray
-) -> tuple[Any, Any]:
-    """Names on the device what rays arrive at: several times as quick as `ElementLookup.nearest`.
-
-    Args:
-        tables: of `ElementLookup.upload`.
-        triangle: (n,) that was hit, -1 for none.
-        barycentric: (n, 2).
-        direction: (n, 3) of travel, unit.
-
-    Returns: device arrays: links (n, 4) uint32, element << 10 | the bin that points back along the ray,
-        or ESCAPES, or BLOCKED; and weights (n, 4) that sum to 1, or to 0 where there is no light.
-    """
-    n = len(triangle)
-    link_d = device.empty((max(n, 1), BLEND), np.uint32)
-    weight_d = device.empty((max(n, 1), BLEND), np.float32)
-    device.kernel("lookup", "link_rays")(
-        (-(-n // LINK_GROUP) * LINK_GROUP,),
-        (LINK_GROUP,),
-        np.uint32(n),
-        device.upload(np.asarray(triangle, np.int32)),
-        device.upload(np.asarray(barycentric, np.float32)),
-        device.upload(np.asarray(direction, np.float32)),
-        tables.face_normal_d,
-        tables.corners_d,
-        tables.cells_of_triangle_d,
-        tables.entry_of_cell_d,
-        tables.cell_count,
-        tables.elements_of_entry_d,
-        tables.position_d,
-        tables.frames_d,
-        link_d,
-        weight_d,
-    )
-    return link_d, weight_d
 
 
 def blend_weights(distance: NDArray) -> NDArray[np.float32]:

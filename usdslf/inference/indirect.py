@@ -27,6 +27,7 @@ from usdslf.inference.solve import enumerate_candidates, relative_error, tempere
 from usdslf.inference.tools import asks_for_nothing, expected_error
 from usdslf.inference.weights import Options
 from usdslf.light_field.light_field import LightField, Surface
+from usdslf.light_field.links import element_of, is_link
 from usdslf.scene.records import Scene
 from usdslf.surfaces.reflectance import Parameters
 
@@ -336,7 +337,7 @@ def _serves(
 def _share(painted: Painted, material: int, field: LightField) -> float:
     """How many of a stroke's rays meet a material."""
     links = field.device.download(painted.samples.links_d)[:, 0]
-    met = links[links < 0xFFFFFFFE] >> 10
+    met = element_of(links[is_link(links)])
     return float((field.elements.material[met] == material).sum()) / max(len(links), 1)
 
 

@@ -22,6 +22,7 @@ from usdslf.inference.bilinear import TEXTURED, Bilinear, Tables
 from usdslf.inference.evidence import SHARPEST, Evidence, evaluate_columns, mean_by, unchanging_radiance
 from usdslf.inference.residuals import relative_scale
 from usdslf.light_field.light_field import LightField, Surface
+from usdslf.light_field.links import element_of, is_link
 from usdslf.scene.records import Scene
 from usdslf.surfaces.reflectance import column_weights, columns, is_metal, lobe_parameter
 
@@ -31,7 +32,6 @@ if TYPE_CHECKING:
 F64 = NDArray[np.float64]
 Seen = Callable[[NDArray, NDArray], F64]  # weights (r, 4, 3) and roughness (r,) -> what the dabs see of it (n, 3)
 LEVELS = (0.1, 0.2, 0.3, 0.45, 0.65, 0.9)  # roughness that is asked first
-NO_LINK = 0xFFFFFFFE  # what is packed below is a link
 MOST_MATERIALS = 6
 LEAST_SHARE = 0.01  # of what a stroke sees, for a material to be asked
 UNIFORM = 1e-4  # a reflectance that varies less over a material is one
@@ -62,12 +62,12 @@ def make_receiver(painted: Painted, evidence: Evidence, field: LightField, is_fi
     weight = column_weights(field.model, surface.diffuse, surface.f0, surface.f90)  # (S, 4, 3)
     carry = np.einsum("skc,scr->skr", x, weight) * samples.gain[:, :count, None]
     all_links = field.device.download(samples.links_d)
-    elements = np.unique(all_links[all_links < NO_LINK] >> 10).astype(np.int64)
+    elements = np.unique(element_of(all_links[is_link(all_links)])).astype(np.int64)
     links = all_links[:, 0].reshape(len(x), count)
     n = len(evidence.target)
     on_dab = evidence.dab_of_sample < n
-    seen = (links < NO_LINK) & on_dab[:, None]
-    material = field.elements.material[links[seen] >> 10]
+    seen = is_link(links) & on_dab[:, None]
+    material = field.elements.material[element_of(links[seen])]
     share = np.bincount(material, carry.sum(2)[seen], minlength=1) / max(float(carry[on_dab].sum()), 1e-30)
     sees = {int(m): float(share[m]) for m in np.flatnonzero(share > LEAST_SHARE)}
     place = mean_by(surface.position.astype(np.float64), evidence.dab_of_sample)[:n]

@@ -11,14 +11,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from usdslf.elements.elements import Elements
-from usdslf.elements.lookup import ElementLookup
+from usdslf.elements.lookup import DeviceLookup, ElementLookup
 from usdslf.gpu.device import Device
+from usdslf.light_field.links import follow_links, link_rays
 from usdslf.light_field.preconvolution import LevelKernel, build_level, fresnel_diffuse
 from usdslf.light_field.visibility import Visibility
 from usdslf.sampling.hemisphere import D, bin_directions
@@ -26,7 +28,6 @@ from usdslf.surfaces.reflectance import LEVEL_COUNT, column_weights, roughness_l
 
 LANES = 16
 CHUNK_BLOCKS = 24  # blocks whose light stays in the caches of a CPU
-NEAR = 4  # elements that a hit interpolates between
 
 
 @dataclass(frozen=True)
@@ -165,7 +166,7 @@ class LightField:
     def bounce(self) -> float:
         """Sends the light once more; returns the relative change of the light field (L1)."""
         device, n = self.device, len(self.elements.position)
-        kernel = lambda name, **c: device.kernel("light_field", name, NEAR=NEAR, **c)  # noqa: E731
+        kernel = lambda name, **c: device.kernel("light_field", name, **c)  # noqa: E731
         kernel("emit", LOBE=0)((_up(n * D),), (64,), self.emission_d, np.uint32(n * D), self._next_d)
         self._reflect(self._blocks)
         kernel("difference", LOBE=0)(
@@ -198,7 +199,7 @@ class LightField:
     def _reflect(self, chosen: list[_Blocks]) -> None:
         """Adds what blocks send out, under the light that arrives now, to the next light field."""
         device = self.device
-        kernel = lambda name, **c: device.kernel("light_field", name, NEAR=NEAR, **c)  # noqa: E731
+        kernel = lambda name, **c: device.kernel("light_field", name, **c)  # noqa: E731
         for blocks in chosen:
             level, w = self.level(blocks.level)
             for first in range(0, blocks.count, CHUNK_BLOCKS):
@@ -242,12 +243,17 @@ class LightField:
         order = np.full(count * LANES, -1, np.int32)
         order[: len(element)] = element
         light_d = self.device.empty((count, D, 3, LANES), np.float32)
-        self.device.kernel("light_field", "gather", NEAR=NEAR, LOBE=0)(
+        self.device.kernel("light_field", "gather", LOBE=0)(
             (D, count), (64, 1), self.device.upload(order), self.hit_d, self.fixed_d, self.outgoing_d, np.int32(0),
             light_d,
         )  # fmt: skip
         light = self.device.download(light_d).transpose(0, 3, 1, 2).reshape(-1, D, 3)
         return np.ascontiguousarray(light[: len(element)])
+
+    @cached_property
+    def lookup_d(self) -> DeviceLookup:
+        """Tables of the near elements on the device, for hits."""
+        return self.lookup.upload(self.device)
 
     def link_hits(self, triangle: NDArray, barycentric: NDArray, direction: NDArray) -> tuple[Any, Any]:
         """Ties hits to the light field: near elements, and the bin in which each sends light back along the ray.
@@ -258,21 +264,7 @@ class LightField:
 
         Returns: device arrays `links_d` (n, 4) uint32 and `weights_d` (n, 4), for `follow_links`.
         """
-        hit = triangle >= 0
-        normals = self.face_normals[np.maximum(triangle, 0)]
-        side = np.where(np.einsum("ij,ij->i", normals, direction) > 0, -1, 1)
-        elements = np.full((len(triangle), NEAR), -1, np.int32)
-        weights = np.zeros((len(triangle), NEAR), np.float32)
-        if hit.any():
-            elements[hit], weights[hit] = self.lookup.nearest(triangle[hit], barycentric[hit], side[hit])
-        n = len(triangle)
-        links_d = self.device.empty((max(n, 1), NEAR), np.uint32)
-        kernel = self.device.kernel("light_field", "link_hits", NEAR=NEAR, LOBE=0)
-        kernel(
-            (_up(n),), (64,), self.device.upload(elements), self.device.upload(direction.astype(np.float32)),
-            self.frames_d, np.uint32(n), links_d,
-        )  # fmt: skip
-        return links_d, self.device.upload(weights)
+        return link_rays(self.device, self.lookup_d, triangle, barycentric, direction)
 
     def follow_links(self, links_d: Any, weights_d: Any, field_d: Any = None) -> NDArray[np.float32]:
         """Returns the radiance (n, 3) that arrives along the rays of `link_hits`; zero for misses.
@@ -280,12 +272,7 @@ class LightField:
         Args:
             field_d: (N, D, 3) that sends it; default the light field of now.
         """
-        n = links_d.shape[0]
-        radiance_d = self.device.empty((n, 3), np.float32)
-        kernel = self.device.kernel("light_field", "follow_links", NEAR=NEAR, LOBE=0)
-        sender_d = self.outgoing_d if field_d is None else field_d
-        kernel((_up(n),), (64,), links_d, weights_d, sender_d, np.uint32(n), radiance_d)
-        return self.device.download(radiance_d)
+        return follow_links(self.device, links_d, weights_d, self.outgoing_d if field_d is None else field_d)
 
     def radiance_from_hits(self, triangle: NDArray, barycentric: NDArray, direction: NDArray) -> NDArray[np.float32]:
         """Returns the outgoing radiance (n, 3) of the surfaces that rays hit, interpolated between near elements."""

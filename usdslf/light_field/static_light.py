@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from usdslf.light_field.visibility import ESCAPES, Visibility
+from usdslf.light_field.links import ESCAPES
+from usdslf.light_field.visibility import Visibility
 from usdslf.lights.dome import Dome, Peaks, table_index
 from usdslf.lights.sampling import LightHit, LightSample, intersect_light, is_delta, sample_light
 from usdslf.rays import RayTracer, thread_count

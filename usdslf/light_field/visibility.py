@@ -22,8 +22,6 @@ if TYPE_CHECKING:
     from usdslf.elements.lookup import ElementLookup
     from usdslf.gpu.device import Device
 
-ESCAPES = np.uint32(0xFFFFFFFF)  # nothing is hit
-BLOCKED = np.uint32(0xFFFFFFFE)  # a side is hit that no light reaches
 BATCH = 64  # elements whose rays are traced and looked up at once
 
 Wanted = Callable[[slice], NDArray]
@@ -34,7 +32,7 @@ Wanted = Callable[[slice], NDArray]
 class Visibility:
     """The operator G: one link for each element and bin."""
 
-    hit: NDArray[np.uint32]  # (N, D) element << 10 | bin it arrives in; ESCAPES; BLOCKED
+    hit: NDArray[np.uint32]  # (N, D) links of links.py
     rays: int
     seconds: float
 

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from usdslf.color import luminance
+from usdslf.elements.neighbours import NONE
 from usdslf.gpu.device import Device
 from usdslf.lights.sources import LightSet
 from usdslf.rays import thread_count
@@ -96,11 +97,11 @@ class LightGuide:
             return np.full(len(triangle), -1, np.int32)
         lookup = self.field.lookup
         entry = lookup.entry(triangle, barycentric, np.where(is_front, 1, -1))
-        none = entry == np.uint32(0xFFFFFFFF)
+        none = entry == NONE
         if not len(lookup.elements_of_entry):
             return np.full(len(triangle), -1, np.int32)
         first = lookup.elements_of_entry[np.where(none, 0, entry), 0]
-        return np.where(none | (first == np.uint32(0xFFFFFFFF)), -1, first.astype(np.int64)).astype(np.int32)
+        return np.where(none | (first == NONE), -1, first.astype(np.int64)).astype(np.int32)
 
 
 def mean_about(value: F32, elements: Elements) -> F32:

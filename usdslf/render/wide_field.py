@@ -11,8 +11,8 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from usdslf.elements.lookup import link_rays
 from usdslf.gpu.device import Device
+from usdslf.light_field.links import link_rays
 from usdslf.sampling.hemisphere import D
 
 BLOCK = 4  # bins on a side

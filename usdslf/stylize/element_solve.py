@@ -27,7 +27,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from usdslf.light_field.light_field import LANES, NEAR, LightField, levels_of
+from usdslf.light_field.light_field import LANES, LightField, levels_of
 from usdslf.light_field.preconvolution import LevelKernel
 from usdslf.sampling.hemisphere import D
 from usdslf.scene.records import F64
@@ -183,7 +183,7 @@ class _Work:
         order = np.full(count * LANES, -1, np.int32)
         order[:n] = element
         order_d, upload = self.device.upload(order), self.device.upload
-        light_kernel = lambda name: self.device.kernel("light_field", name, NEAR=NEAR, LOBE=0)  # noqa: E731
+        light_kernel = lambda name: self.device.kernel("light_field", name, LOBE=0)  # noqa: E731
         light_kernel("gather")(
             (D, count), (64, 1), order_d, field.hit_d, field.fixed_d, field.outgoing_d, np.int32(0), self.light_d
         )
