@@ -28,7 +28,7 @@ __kernel void guiding_light(
             if (!IS_LINK(h)) continue;
             uint bin = BIN_OF(h);
             uint to = block_of(bin);
-            float l = dot(load3(mean, (size_t)(ELEMENT_OF(h)) * BLOCK_COUNT + to), LUMINANCE);
+            float l = dot(load3(mean, (size_t)ELEMENT_OF(h) * BLOCK_COUNT + to), LUMINANCE);
             sum += max(l - emitted[ELEMENT_OF(h)], 0.0f) * z;
             all += l * z;
         }

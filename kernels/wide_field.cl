@@ -35,7 +35,7 @@ __kernel void follow_wide_links(
         if (!IS_LINK(h)) continue;
         uint bin = BIN_OF(h);
         uint b = block_of(bin);
-        float3 one = load3(mean, (size_t)(ELEMENT_OF(h)) * BLOCK_COUNT + b);
+        float3 one = load3(mean, (size_t)ELEMENT_OF(h) * BLOCK_COUNT + b);
         float weight = weights[i * near + k];
         v += weight * one;
         if (weight > 0.02f) brightest = max(brightest, dot(one, LUMINANCE));
