@@ -89,13 +89,13 @@ class RayTracer:
         self._clear = clear[triangles.material] if np.any(clear) else None
         self._opacity = opacity or self._material_opacity
 
-    def intersect(self, origins: NDArray, directions: NDArray, stop_at_veils: bool = False) -> Hits:
+    def intersect(self, origins: NDArray, directions: NDArray, stop_at_translucent: bool = False) -> Hits:
         """Finds the first surface along each ray.
 
         Args:
             origins: (n, 3), moved off the surface they lie on by `offset_points`.
             directions: (n, 3); unit vectors make distances stage units.
-            stop_at_veils: surfaces with an opacity below one are hit as well, for callers that blend them
+            stop_at_translucent: surfaces with an opacity below one are hit as well, for callers that blend them
                 exactly; only cut-outs are passed.
         """
         o, d = _rays(origins, directions)
@@ -103,7 +103,7 @@ class RayTracer:
         hits = Hits(np.empty(n, np.int32), np.empty((n, 2), np.float32), np.empty(n, np.float32))
         self._run_chunks(n, lambda rows: self._intersect_into(o[rows], d[rows], hits, rows))
         if self._clear is not None:
-            self._pass_through(o, d, hits, stop_at_veils)
+            self._pass_through(o, d, hits, stop_at_translucent)
         return hits
 
     def occluded(
@@ -193,12 +193,12 @@ class RayTracer:
         hits.barycentric[rows, 1] = found["v"]
         hits.distance[rows] = np.where(triangle >= 0, found["tfar"], np.float32(np.inf))
 
-    def _pass_through(self, o: F32, d: F32, hits: Hits, stop_at_veils: bool = False) -> None:
+    def _pass_through(self, o: F32, d: F32, hits: Hits, stop_at_translucent: bool = False) -> None:
         """Moves hits on what a ray passes through to the surfaces behind, in at most MAX_LAYERS rounds."""
         assert self._clear is not None
         rays = np.flatnonzero((hits.triangle >= 0) & self._clear[hits.triangle])
         for _ in range(MAX_LAYERS):
-            rays = rays[self._lets_through(o[rays], d[rays], hits, rays, stop_at_veils)]
+            rays = rays[self._lets_through(o[rays], d[rays], hits, rays, stop_at_translucent)]
             if not len(rays):
                 return
             triangle, travelled = hits.triangle[rays], hits.distance[rays]
@@ -212,11 +212,11 @@ class RayTracer:
             again = (hits.triangle[rays] >= 0) & self._clear[hits.triangle[rays]]
             rays = rays[again]
 
-    def _lets_through(self, o: F32, d: F32, hits: Hits, rays: NDArray, stop_at_veils: bool) -> NDArray:
+    def _lets_through(self, o: F32, d: F32, hits: Hits, rays: NDArray, stop_at_translucent: bool) -> NDArray:
         triangle = hits.triangle[rays]
         opacity = self._opacity(triangle, hits.barycentric[rays])
         threshold = self._threshold[self.scene.triangles.material[triangle]]
-        chance = np.float32(-1) if stop_at_veils else _hash_unit(o, d, triangle)
+        chance = np.float32(-1) if stop_at_translucent else _hash_unit(o, d, triangle)
         return np.where(threshold > 0, opacity < threshold, chance >= opacity)
 
     def _material_opacity(self, triangle: I32, barycentric: F32) -> F32:

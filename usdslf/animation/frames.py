@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from usdslf.animation.retrace import move_elements, retrace, why_not_spaced
-from usdslf.animation.revealed import DarkProbes, wake_elements
+from usdslf.animation.revealed import DarkProbes, reveal_elements
 from usdslf.elements.elements import Elements, refresh_reflectance
 from usdslf.elements.lookup import ElementLookup
 from usdslf.gpu.device import Device
@@ -56,7 +56,7 @@ def carry(first: Placed, scene: Scene, tracer: RayTracer, device: Device) -> Pla
     reason = why_not_spaced(first.elements, elements)
     if reason:
         return reason
-    elements = wake_elements(elements, first.probes, scene, tracer, np.random.default_rng(0))
+    elements = reveal_elements(elements, first.probes, scene, tracer, np.random.default_rng(0))
     if len(elements) == len(first.elements) and not moved.meshes.any():
         return replace(first, scene=scene, elements=elements)
     lookup = first.lookup.after(scene, tracer, elements, moved)

@@ -1,4 +1,4 @@
-"""Waking: elements for the surfaces that were dark where elements were placed, and see light at another frame.
+"""Revealed: elements for the surfaces that were dark where elements were placed, and see light at another frame.
 
 Probes say which sides see light now and did not before; only those get candidates, as `elements.py` spreads them, and
 elements where none is near and most of the neighbourhood sees light.
@@ -24,7 +24,7 @@ from usdslf.elements.elements import (
     spread_candidates,
     take_points,
 )
-from usdslf.elements.reachability import ROUNDS, find_living_points, share_of_living
+from usdslf.elements.reachability import CANDIDATE_ROUNDS, find_reached_points, share_of_reached
 from usdslf.sampling.blue_noise import choose_blue_noise, surface_coordinates
 from usdslf.scene.records import F32, I32, Scene
 from usdslf.surfaces.surface_points import SurfacePoints, evaluate_surface
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from usdslf.rays import RayTracer
 
 MOST_PROBES = 1000  # on all that is dark: what is lit now is found where it is more than about a hundredth of that
-PROBE_ROUNDS = (1, 3)  # paths per probe
+DARK_PROBE_ROUNDS = (1, 3)  # paths per probe
 HOLE = 1.0  # spacings to the nearest element; those of blue noise leave no larger holes
 RIM = 0.6  # spacings about a hole that its new elements may lie in too, or stand for
 SEED = 1
@@ -50,7 +50,7 @@ class DarkProbes:
     triangle: I32  # (n,)
     barycentric: F32  # (n, 2)
     group: NDArray[np.int64]  # (n,) part, plus the number of parts on the back
-    alive: NDArray[np.bool_]  # (n,)
+    reached: NDArray[np.bool_]  # (n,)
 
 
 @dataclass(frozen=True)
@@ -77,10 +77,10 @@ def probe_dark(elements: Elements, scene: Scene, tracer: RayTracer) -> DarkProbe
     ask = np.flatnonzero(_free_of(elements, sides, tracer)(points, _normals(points, group, total), group, 0.0))
     nobody = np.zeros(len(ask), bool)
     probes = DarkProbes(triangle[ask], bary[ask], group[ask], nobody)
-    return replace(probes, alive=_is_alive(probes, scene, tracer, total))
+    return replace(probes, reached=_is_reached(probes, scene, tracer, total))
 
 
-def wake_elements(
+def reveal_elements(
     elements: Elements, probes: DarkProbes, scene: Scene, tracer: RayTracer, rng: np.random.Generator
 ) -> Elements:
     """Returns the elements, followed by new ones on what was dark and sees light now; the same if nothing is.
@@ -90,8 +90,8 @@ def wake_elements(
         scene, tracer: of now.
     """
     total = 2 * (int(elements.part_of_triangle.max(initial=-1)) + 1)
-    woken = _woken_sides(probes, scene, tracer, total)
-    if not woken.any():
+    revealed = _revealed_sides(probes, scene, tracer, total)
+    if not revealed.any():
         return elements
     area = _finite_areas(scene)
     sides = _sides(elements, area)
@@ -99,18 +99,20 @@ def wake_elements(
 
     # Candidates in the holes and about them, so that new elements stand for what is theirs and not for the holes alone.
     part_of_triangle = elements.part_of_triangle
-    number = np.ceil(CANDIDATES * np.maximum(sides.area / sides.each, LEAST) * woken).astype(np.int64)
+    number = np.ceil(CANDIDATES * np.maximum(sides.area / sides.each, LEAST) * revealed).astype(np.int64)
     triangle, bary, group = spread_candidates(area, part_of_triangle, number, rng)
     points = evaluate_surface(scene, triangle, bary, normal_maps=False)
     normal = _normals(points, group, total)
     ask = np.flatnonzero(is_free(points, normal, group, RIM))
-    alive = find_living_points(scene, tracer, triangle[ask], points.position[ask], normal[ask], rng, ROUNDS)
+    reached = find_reached_points(
+        scene, tracer, triangle[ask], points.position[ask], normal[ask], rng, CANDIDATE_ROUNDS
+    )  # fmt: skip
     spacing = np.sqrt(sides.each)
     coordinates = surface_coordinates(points.position[ask], normal[ask], group[ask], spacing[group[ask]])
     k = min(NEIGHBOURS, len(ask))
     near = cKDTree(coordinates).query(coordinates, k=k, workers=tracer.threads)[1].reshape(len(ask), k)
     # Few see light by chance deep inside of something, and none of those around see it behind a wall.
-    share = share_of_living(tracer, points.position[ask], normal[ask], alive, np.arange(len(ask)), near)
+    share = share_of_reached(tracer, points.position[ask], normal[ask], reached, np.arange(len(ask)), near)
     kept = np.flatnonzero(share > 0.5)
     coordinates, ask = coordinates[kept], ask[kept]
     group, points = group[ask], take_points(points, ask)
@@ -183,22 +185,22 @@ def _finite_areas(scene: Scene) -> NDArray:
     return np.where(np.isfinite(scene.triangles.areas), scene.triangles.areas, 0.0)
 
 
-def _is_alive(probes: DarkProbes, scene: Scene, tracer: RayTracer, total: int) -> NDArray[np.bool_]:
+def _is_reached(probes: DarkProbes, scene: Scene, tracer: RayTracer, total: int) -> NDArray[np.bool_]:
     """Tells which probes (n,) see light in a scene, by the same random numbers in all."""
     points = evaluate_surface(scene, probes.triangle, probes.barycentric, normal_maps=False)
     normal, rng = _normals(points, probes.group, total), np.random.default_rng(SEED)
-    return find_living_points(scene, tracer, probes.triangle, points.position, normal, rng, PROBE_ROUNDS)
+    return find_reached_points(scene, tracer, probes.triangle, points.position, normal, rng, DARK_PROBE_ROUNDS)
 
 
-def _woken_sides(probes: DarkProbes, scene: Scene, tracer: RayTracer, total: int) -> NDArray[np.bool_]:
+def _revealed_sides(probes: DarkProbes, scene: Scene, tracer: RayTracer, total: int) -> NDArray[np.bool_]:
     """Tells which sides (2 parts,) see light where they did not.
 
     Probes deep inside of something find light by chance, as often before as now (McNemar's test, two sigma).
     """
     if not len(probes.group):
         return np.zeros(total, bool)
-    alive = _is_alive(probes, scene, tracer, total)
-    gained = np.bincount(probes.group[alive & ~probes.alive], minlength=total)
-    lost = np.bincount(probes.group[probes.alive & ~alive], minlength=total)
+    reached = _is_reached(probes, scene, tracer, total)
+    gained = np.bincount(probes.group[reached & ~probes.reached], minlength=total)
+    lost = np.bincount(probes.group[probes.reached & ~reached], minlength=total)
     found: NDArray[np.bool_] = gained - lost > 2 * np.sqrt(gained + lost)
     return found

@@ -87,7 +87,7 @@ class Choose(click.ParamType):
         return stroke.rsplit("/", 1)[-1], choice
 
 
-class Weights(click.ParamType):
+class ChoiceWeights(click.ParamType):
     """A,B,C or NAME=X,NAME=X: what a choice weighs by."""
 
     name = "A,B,C | NAME=X,..."

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from usdslf.elements.reachability import PROBE_ROUNDS, ROUNDS, find_living_points, share_of_living
+from usdslf.elements.reachability import CANDIDATE_ROUNDS, PROBE_ROUNDS, find_reached_points, share_of_reached
 from usdslf.errors import StageError
 from usdslf.sampling.blue_noise import choose_blue_noise, surface_coordinates
 from usdslf.scene.records import F32, I32, Scene
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from usdslf.rays import RayTracer
 
 CANDIDATES = 8  # per element
-PROBES = 10  # points per part that are asked first whether a side is alive
+PROBES = 10  # points per part that are asked first whether light reaches a side
 MOST_PROBES = 40_000  # of all parts
 LEAST = 6  # elements on a side of a part, fewer where there are very many parts
 CURVED = 4.0  # times as many elements, at most, for the area of a curved surface
@@ -49,7 +49,7 @@ class Elements:
     geometric_normal: F32  # (N, 3) unit
     normal: F32  # (N, 3) unit, shading
     frame: F32  # (N, 3, 3) rows tangent, bitangent, normal, right-handed; turned about the normal at random
-    area: F32  # (N,) sums to the living area of each side of a part
+    area: F32  # (N,) sums to what light reaches of the area of each side of a part
     mesh: I32  # (N,) into Scene.meshes
     triangle: I32  # (N,)
     barycentric: F32  # (N, 2)
@@ -79,7 +79,7 @@ class Elements:
 def sample_elements(
     scene: Scene, tracer: RayTracer, count: int = 10000, rng: np.random.Generator | None = None
 ) -> Elements:
-    """Spreads about `count` elements over the living sides of the scene's surfaces.
+    """Spreads about `count` elements over the sides of the scene's surfaces that light reaches.
 
     Each side of a part has its share by area, more of it (up to CURVED times) where the surface turns between
     elements: what a curved mirror sends is known as well as its elements' normals follow it.  None has fewer
@@ -97,30 +97,31 @@ def sample_elements(
     area_of_part = np.bincount(part_of_triangle, area)
     parts = len(area_of_part)
 
-    # Which sides are alive: a few probes on each part, more on large ones.
+    # Which sides light reaches: a few probes on each part, more on large ones.
     probes = max(2, min(PROBES, MOST_PROBES // (2 * parts)))
     number = np.maximum(probes, np.ceil(4000 * area_of_part / area.sum())).astype(np.int64)
     both = np.tile(number * (area_of_part > 0), 2)
     everywhere = np.ones(2 * parts, bool)
-    reach, _ = _living_candidates(scene, tracer, area, part_of_triangle, both, everywhere, PROBE_ROUNDS, rng)
-    alive = np.bincount(reach.group, minlength=2 * parts) / np.maximum(both, 1)
+    probed, _ = _reached_candidates(scene, tracer, area, part_of_triangle, both, everywhere, PROBE_ROUNDS, rng)
+    reached = np.bincount(probed.group, minlength=2 * parts) / np.maximum(both, 1)
     share = np.tile(_share_of_curved(scene, area, part_of_triangle, count), 2)
-    if not alive.any():
-        alive = (both > 0).astype(float)  # no light anywhere: all sides are as good
+    if not reached.any():
+        reached = (both > 0).astype(float)  # no light anywhere: all sides are as good
 
-    # Candidates on the living sides; sides that are alive everywhere need no second look.
+    # Candidates on the sides that are reached; those that are everywhere need no second look.
     side_area = np.tile(area_of_part, 2)
-    quota = share_out(alive * side_area * share, count)
-    number = np.ceil(CANDIDATES * quota / np.maximum(alive, 0.05)).astype(np.int64)
-    pool, points = _living_candidates(scene, tracer, area, part_of_triangle, number, alive < 1, ROUNDS, rng)
-    alive = np.bincount(pool.group, minlength=2 * parts) / np.maximum(number, 1)
-    quota = share_out(alive * side_area * share, count)
-    spacing = np.sqrt(alive * side_area / np.maximum(quota, 1))
+    quota = share_out(reached * side_area * share, count)
+    number = np.ceil(CANDIDATES * quota / np.maximum(reached, 0.05)).astype(np.int64)
+    doubtful = reached < 1
+    pool, points = _reached_candidates(scene, tracer, area, part_of_triangle, number, doubtful, CANDIDATE_ROUNDS, rng)
+    reached = np.bincount(pool.group, minlength=2 * parts) / np.maximum(number, 1)
+    quota = share_out(reached * side_area * share, count)
+    spacing = np.sqrt(reached * side_area / np.maximum(quota, 1))
 
     coordinates = surface_coordinates(pool.position, pool.normal, pool.group, spacing[pool.group])
     chosen = choose_blue_noise(coordinates, pool.group, quota, rng)
     number = np.bincount(pool.group[chosen], minlength=2 * parts)
-    each = (alive * side_area) / np.maximum(number, 1)
+    each = (reached * side_area) / np.maximum(number, 1)
     surroundings = cKDTree(coordinates[chosen]).query(coordinates, workers=tracer.threads)[1]
     return elements_of_pool(points, pool.group, chosen, surroundings, each, part_of_triangle, rng)
 
@@ -223,7 +224,7 @@ def turned_frames(normal: NDArray, angle: NDArray) -> F32:
 
 @dataclass(frozen=True)
 class _Pool:
-    """Living candidates of all sides."""
+    """Candidates that light reaches, of all sides."""
 
     position: F32  # (n, 3)
     normal: F32  # (n, 3) geometric, of the side
@@ -243,7 +244,7 @@ def _share_of_curved(scene: Scene, area: NDArray, part_of_triangle: NDArray, cou
     return np.minimum(1 + mean * np.sqrt(area.sum() / count) / TURN, CURVED)
 
 
-def _living_candidates(
+def _reached_candidates(
     scene: Scene,
     tracer: RayTracer,
     area: NDArray,
@@ -253,7 +254,7 @@ def _living_candidates(
     rounds: tuple[int, ...],
     rng: np.random.Generator,
 ) -> tuple[_Pool, SurfacePoints]:
-    """Spreads `number` (2 parts,) candidates over fronts and backs and keeps those that live.
+    """Spreads `number` (2 parts,) candidates over fronts and backs and keeps those that light reaches.
 
     Only the groups in `doubtful` (2 parts,) are looked at by rays.
     """
@@ -264,19 +265,20 @@ def _living_candidates(
     there = points.presence > 0  # no holes of cut-outs
     if not there.any():
         there[:] = True  # all is cut out: elements that no ray meets
-    alive = there.copy()
+    reached = there.copy()
     ask = np.flatnonzero(there & doubtful[group])
-    alive[ask] = find_living_points(scene, tracer, triangle[ask], points.position[ask], normal[ask], rng, rounds)
-    # What lies among the living, and sees them, is only in the dark by chance; what is shut off from them stays dark.
-    dark = ask[~alive[ask]]
-    lit = ask[alive[ask]]
+    reached[ask] = find_reached_points(scene, tracer, triangle[ask], points.position[ask], normal[ask], rng, rounds)
+    # What lies among those that are reached, and sees them, is only in the dark by chance; what is shut off from them
+    # stays dark.
+    dark = ask[~reached[ask]]
+    lit = ask[reached[ask]]
     if len(dark) and len(lit):
         size = np.sqrt(np.bincount(part_of_triangle, area)[group % parts] / np.maximum(number[group], 1))
         where = surface_coordinates(points.position, normal, group, np.maximum(size, 1e-30))
         known = np.concatenate([lit, dark])
         near = cKDTree(where[known]).query(where[dark], k=min(6, len(known)), workers=tracer.threads)[1]
-        alive[dark[share_of_living(tracer, points.position, normal, alive, dark, known[near]) > 0.6]] = True
-    keep = np.flatnonzero(alive)
+        reached[dark[share_of_reached(tracer, points.position, normal, reached, dark, known[near]) > 0.6]] = True
+    keep = np.flatnonzero(reached)
     kept = take_points(points, keep)
     return _Pool(kept.position, normal[keep].astype(np.float32), group[keep]), kept
 

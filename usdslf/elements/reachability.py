@@ -1,7 +1,7 @@
 """Which points of which sides of surfaces light can reach, so that the inside of closed bodies costs nothing.
 
 Every surface reflects on both sides, but nothing of the inside of a vase with a lid is ever seen.  A point
-is *alive* when one of a few random paths from it ends in the environment, on an emissive surface, or at a
+is *reached* when one of a few random paths from it ends in the environment, on an emissive surface, or at a
 vertex that sees a light; its first vertex may also see a camera.  Paths start from the true hits, so
 nothing leaks where bodies cut into each other, which a graph over gprims or samples would allow.
 """
@@ -21,11 +21,11 @@ if TYPE_CHECKING:
 
 BOUNCES = 5  # vertices of a path after its first
 PROBE_ROUNDS = (2, 6, 16)  # paths per probe; only points not yet reached go into the next round
-ROUNDS = (1, 4)  # where neighbours are asked as well
+CANDIDATE_ROUNDS = (1, 4)  # where neighbours are asked as well
 LOCAL = ("rect", "disk", "sphere", "cylinder")
 
 
-def find_living_points(
+def find_reached_points(
     scene: Scene,
     tracer: RayTracer,
     triangle: NDArray,
@@ -44,34 +44,34 @@ def find_living_points(
 
     Returns: (n,) true where light or a camera was found.
     """
-    alive = np.zeros(len(triangle), bool)
+    reached = np.zeros(len(triangle), bool)
     start = tracer.offset_points(position, normal, triangle)
     for camera in scene.cameras:
         eye = camera.world_from_camera[:3, 3]
-        alive |= _sees(tracer, start, normal, np.broadcast_to(eye, start.shape))
+        reached |= _sees(tracer, start, normal, np.broadcast_to(eye, start.shape))
     for paths in rounds:
-        left = np.flatnonzero(~alive)
+        left = np.flatnonzero(~reached)
         if not len(left):
             break
         rows = np.repeat(left, paths)
-        alive[rows[_trace_paths(scene, tracer, start[rows], normal[rows], rng)]] = True
-    return alive
+        reached[rows[_trace_paths(scene, tracer, start[rows], normal[rows], rng)]] = True
+    return reached
 
 
-def share_of_living(
-    tracer: RayTracer, position: NDArray, normal: NDArray, alive: NDArray, rows: NDArray, near: NDArray
+def share_of_reached(
+    tracer: RayTracer, position: NDArray, normal: NDArray, reached: NDArray, rows: NDArray, near: NDArray
 ) -> NDArray[np.float64]:
-    """Tells how many of the places around some are alive and in sight: what is shut off from light has none.
+    """Tells how many of the places around some are reached and in sight: what is shut off from light has none.
 
     Args:
         position, normal: (n, 3) on surfaces, unit geometric normals of their sides.
-        alive: (n,).
+        reached: (n,).
         rows: (m,) of these places.
         near: (m, k) of these places, around each; it may be among them, and is in sight of itself.
 
     Returns: shares (m,) of k.
     """
-    row, column = np.nonzero(alive[near])
+    row, column = np.nonzero(reached[near])
     a, b = rows[row], near[row, column]
     counts = (a == b) | see_each_other(tracer, position[a], normal[a], position[b], normal[b])
     return np.bincount(row[counts], minlength=len(rows)) / near.shape[1]

@@ -95,22 +95,22 @@ def _clip_ears(flat: F64) -> I64:
     row = np.arange(m)
     left = np.tile(np.roll(np.arange(n), 1), (m, 1))
     right = np.tile(np.roll(np.arange(n), -1), (m, 1))
-    alive = np.ones((m, n), bool)
-    score = np.stack([_score(flat, alive, left[:, i], np.full(m, i), right[:, i]) for i in range(n)], axis=1)
+    uncut = np.ones((m, n), bool)
+    score = np.stack([_score(flat, uncut, left[:, i], np.full(m, i), right[:, i]) for i in range(n)], axis=1)
     out = np.empty((m, n - 2, 3), np.int64)
     for k in range(n - 2):
-        tip = np.where(alive, score, -np.inf).argmax(1)
+        tip = np.where(uncut, score, -np.inf).argmax(1)
         before, after = left[row, tip], right[row, tip]
         out[:, k] = np.stack([before, tip, after], axis=1)
-        alive[row, tip] = False
+        uncut[row, tip] = False
         right[row, before] = after
         left[row, after] = before
-        score[row, before] = _score(flat, alive, left[row, before], before, after)
-        score[row, after] = _score(flat, alive, before, after, right[row, after])
+        score[row, before] = _score(flat, uncut, left[row, before], before, after)
+        score[row, after] = _score(flat, uncut, before, after, right[row, after])
     return out
 
 
-def _score(flat: F64, alive: NDArray[np.bool_], left: I64, tip: I64, right: I64) -> F64:
+def _score(flat: F64, uncut: NDArray[np.bool_], left: I64, tip: I64, right: I64) -> F64:
     """How good an ear (m,) each polygon's triangle left-tip-right is; -2 and below: none."""
     row = np.arange(len(flat))
     a, b, c = flat[row, left], flat[row, tip], flat[row, right]
@@ -123,7 +123,7 @@ def _score(flat: F64, alive: NDArray[np.bool_], left: I64, tip: I64, right: I64)
         (_turn(a[:, None], b[:, None], p) >= 0)
         & (_turn(b[:, None], c[:, None], p) >= 0)
         & (_turn(c[:, None], a[:, None], p) >= 0)
-        & alive
+        & uncut
     )
     for own in (a, b, c):
         inside &= (p != own[:, None]).any(2)

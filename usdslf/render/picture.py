@@ -131,7 +131,7 @@ def render_bands(
 
 
 @dataclass(frozen=True)
-class _Seen:
+class _Layer:
     """The first surface that samples see.  Arrays of rows of the band's grid of samples."""
 
     rows: NDArray[np.intp]
@@ -194,10 +194,10 @@ class _View:
 
     def _look(
         self, rows: NDArray, origin: F32, direction: F32, limit: F32, through: F32, sums: dict[str, F32]
-    ) -> _Seen | None:
+    ) -> _Layer | None:
         """Finds what camera rays see next; adds lights and domes that are in view."""
         o, d, far = origin[rows], direction[rows], limit[rows]
-        met = self.tracer.intersect(o, d, stop_at_veils=True)
+        met = self.tracer.intersect(o, d, stop_at_translucent=True)
         hit = (met.triangle >= 0) & (met.distance < far)
         distance = np.where(hit, met.distance, np.inf).astype(np.float32)
         lights = self.gatherer.lights
@@ -217,11 +217,11 @@ class _View:
             return None
         surface = evaluate_surface(self.scene, met.triangle[at], met.barycentric[at])
         points = shading_points(surface, -d[at], self.tracer, self.gatherer.guide, self.gatherer.model)
-        return _Seen(rows[at], surface, points, distance[at])
+        return _Layer(rows[at], surface, points, distance[at])
 
     def _add_layer(
         self,
-        seen: _Seen,
+        seen: _Layer,
         layer: int,
         through: F32,
         first_row: int,

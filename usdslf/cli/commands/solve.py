@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from usdslf.cli.look_options import LookFiles, look_options, write_look
-from usdslf.cli.parameters import Choose, Similarity, Weights
+from usdslf.cli.parameters import ChoiceWeights, Choose, Similarity
 from usdslf.cli.program import Command, Settings, gathered, settings
 from usdslf.cli.shot_options import Lighting, lighting_options
 from usdslf.strokes.stroke import NORMS, frame_of
@@ -38,7 +38,7 @@ class Choice:
 @click.option("--norm", type=click.Choice(NORMS), help="For all strokes; default: each stroke's own.")
 @click.option(
     "--weights",
-    type=Weights(),
+    type=ChoiceWeights(),
     help="Of the norm mixed: three factors of the misfit for one, two and three "
     "freed parameters, 1,5,25 in the paper; or costs by name, e.g. group=8,freedom=2.",
 )
