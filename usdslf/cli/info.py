@@ -20,7 +20,7 @@ LISTED = 20  # cameras that are named
 
 def describe(scene: Scene) -> dict[str, Any]:
     """Returns JSON-ready values of all that was read."""
-    lower, upper = scene.bounds
+    lower, upper = (corner + np.array(scene.origin) for corner in scene.bounds)
     warnings = [*scene.warnings, *filter(None, [lights_or_default(scene)[1]])]
     users = np.zeros(len(scene.materials), np.int64)
     for mesh in scene.meshes:

@@ -65,6 +65,7 @@ def gather_strokes(
     for stroke in strokes:
         if not stroke.active:
             continue
+        stroke = stroke.seen_from(scene.origin)
         samples, rows = gather_samples(stroke, scene, tracer, field, lights, warnings)
         wanted = wanted_radiance(stroke, rows, samples, scene, tracer, field, lights, warnings)
         painted.append(Painted(stroke, samples, rows, wanted))

@@ -50,6 +50,8 @@ class Moved:
 
 def why_not_comparable(before: Scene, after: Scene) -> str:
     """Returns why elements of one frame can not be those of another; "" where they can."""
+    if before.origin != after.origin:
+        return "lies so far elsewhere that its positions are told from another origin"
     if [m.path for m in before.meshes] != [m.path for m in after.meshes]:
         return "shows other meshes"
     if len(before.materials) != len(after.materials):

@@ -1,9 +1,9 @@
 """Scene: what a shot holds at one frame, as validated numpy records without USD.
 
-Everything is in world space, stage units and the scene-linear working space.  Matrices act on column
-vectors.  One `Mesh` stands for one renderable gprim (an instance is a mesh of its own), already
-triangulated, refined and skinned; `Scene.triangles` is all of them in one table, the one that
-rays are traced against.
+Everything is in world space, stage units and the scene-linear working space; positions are relative to
+`Scene.origin`, which is the world's but for shots that lie far off.  Matrices act on column vectors.  One `Mesh` stands
+for one renderable gprim (an instance is a mesh of its own), already triangulated, refined and skinned;
+`Scene.triangles` is all of them in one table, the one that rays are traced against.
 """
 
 from __future__ import annotations
@@ -216,6 +216,7 @@ class Scene:
         warnings: a sentence for each thing that could not be read as it was meant.
         ocio: OpenColorIO config as asked for; "": $OCIO, else the built-in one.
         working_space: name of the colour space, scene-linear, that all colours are in.
+        origin: (3,) of the world that all positions are relative to; not 0 where the shot is small and far off.
     """
 
     stage: str
@@ -229,6 +230,7 @@ class Scene:
     warnings: tuple[str, ...] = ()
     ocio: str = ""
     working_space: str = "lin_rec709_scene"
+    origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     @cached_property
     def triangles(self) -> Triangles:

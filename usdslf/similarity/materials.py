@@ -38,7 +38,7 @@ def painted_places(
     Raises: StrokeError for a stroke that lies on no surface.
     """
     parts, widths = [], []
-    for s in strokes:
+    for s in (stroke.seen_from(scene.origin) for stroke in strokes):
         found = locate_stroke(scene, s, warnings)
         keep = np.isin(found.row, dab_rows(s))
         row, p = found.row[keep], places_at(scene, found.triangle[keep], found.barycentric[keep])

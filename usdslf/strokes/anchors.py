@@ -50,7 +50,7 @@ def locate_stroke(scene: Scene, stroke: Stroke, warnings: list[str] | None = Non
         StrokeError: none of its surfaces is in the scene, or every point is far off all of them.
     """
     said = warnings if warnings is not None else []
-    n = len(stroke.points)
+    stroke, n = stroke.seen_from(scene.origin), len(stroke.points)
     tolerance = np.maximum(0.05 * stroke.widths, 1e-4 * scene.diagonal)
     reach = np.maximum(0.5 * stroke.widths, 0.01 * scene.diagonal)
     triangle = np.full(n, -1, np.int64)

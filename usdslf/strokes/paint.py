@@ -92,6 +92,7 @@ def paint_stroke(
         normals=seen.normals,
         curve_counts=_unbroken(seen.points, spacing * radius * heights / slant, lifted),
         frame=scene.frame,
+        origin=scene.origin,
         **_anchors(scene, seen.triangle, seen.barycentric),
         **meant,
     )

@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,6 +60,7 @@ class Stroke:
         clone_offset: (3,) from each point to the source of tool clone [stage units].
         active: False for one that is switched off.
         prim: path that it was read from; "" for one that is new.
+        origin: (3,) of the world that points and eye are relative to, as `Scene.origin` [stage units].
     """
 
     name: str
@@ -84,11 +85,20 @@ class Stroke:
     clone_offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
     active: bool = True
     prim: str = ""
+    origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     @property
     def path(self) -> str:
         """Path of its prim in the stroke layer."""
         return self.prim or f"/SlfStrokes/{self.name}"
+
+    def seen_from(self, origin: tuple[float, float, float]) -> Stroke:
+        """Returns the same stroke with points and eyes relative to an origin, that of the scene it is looked at in."""
+        if origin == self.origin:
+            return self
+        away = np.subtract(self.origin, origin)
+        points, eye = ((np.asarray(p, np.float64) + away).astype(np.float32) for p in (self.points, self.eye))
+        return replace(self, points=points, eye=eye, origin=origin)
 
     @property
     def counts(self) -> tuple[int, ...]:

@@ -27,6 +27,7 @@ from usdslf.usd.shot_metadata import copy_shot_metadata, shot_files
 
 SCOPE = "SlfStrokes"
 _MEND = "restore it or paint into a new one"
+ORIGIN = "xformOp:translate:slfOrigin"  # that points and eyes of a stroke are relative to
 Names = Sdf.ValueTypeNames
 _TOKENS = {f"slf:{field}": field for field in ("tool", "mode", "space", "norm", "scope")}
 
@@ -160,6 +161,7 @@ def _read_stroke(prim: Usd.Prim, said: list[str]) -> Stroke:
         return _one_per_point(path, name, _array(prim, name, width), counts)
 
     world = np.array(UsdGeom.Xformable(prim).ComputeLocalToWorldTransform(Usd.TimeCode.Default()))
+    origin = np.array(_value(prim, ORIGIN) or (0.0, 0.0, 0.0), np.float64)
     scale = abs(np.linalg.det(world[:3, :3])) ** (1 / 3)
     anchors: dict[str, Any] = {"surface_index": _array(prim, "slf:surfaceIndex", 1, np.int32)}
     anchors["face"] = _array(prim, "slf:face", 1, np.int32)
@@ -185,7 +187,7 @@ def _read_stroke(prim: Usd.Prim, said: list[str]) -> Stroke:
     offset = _value(prim, "slf:cloneOffset") or (0.0, 0.0, 0.0)
     return Stroke(
         name=prim.GetName(),
-        points=(points @ world[:3, :3] + world[3, :3]).astype(np.float32),
+        points=(points @ world[:3, :3] + (world[3, :3] - origin)).astype(np.float32),
         widths=(rows("widths", 1) * scale).astype(np.float32),
         colors=_one_per_point(path, "primvars:displayColor", color, counts),
         eye=rows("slf:eye", 3),
@@ -198,6 +200,7 @@ def _read_stroke(prim: Usd.Prim, said: list[str]) -> Stroke:
         clone_offset=(float(offset[0]), float(offset[1]), float(offset[2])),
         active=prim.IsActive(),
         prim=path,
+        origin=(float(origin[0]), float(origin[1]), float(origin[2])),
         **anchors,
         **tokens,
     )
@@ -258,6 +261,12 @@ def _write_stroke(scope: Sdf.PrimSpec, stroke: Stroke) -> None:
     for name, field in _TOKENS.items():
         put(name, Names.Token, getattr(stroke, field), uniform)
     put("slf:strength", Names.Float, float(stroke.strength), uniform)
+    if any(stroke.origin):  # far off, where points of 32 bits are coarse: the prim stands there
+        put(ORIGIN, Names.Double3, Gf.Vec3d(*stroke.origin))
+        put("xformOpOrder", Names.TokenArray, Vt.TokenArray([ORIGIN]), uniform)
+    elif ORIGIN in spec.attributes:
+        del spec.attributes[ORIGIN]
+        del spec.attributes["xformOpOrder"]
     put("slf:eye", Names.Point3fArray, _vec3(eye))
     put("slf:surfaceIndex", Names.IntArray, Vt.IntArray.FromNumpy(index))
     put("slf:face", Names.IntArray, Vt.IntArray.FromNumpy(np.ascontiguousarray(stroke.face, np.int32)))

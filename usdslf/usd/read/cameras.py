@@ -11,14 +11,16 @@ from pxr import Gf, Usd, UsdGeom
 
 from usdslf.scene.records import F64, Camera
 from usdslf.usd.notes import Notes
+from usdslf.usd.read.origin import HERE, Origin
 
 
-def read_cameras(stage: Usd.Stage, time: Usd.TimeCode, notes: Notes) -> list[Camera]:
-    """Returns all cameras of a stage, in the order of prims."""
+def read_cameras(stage: Usd.Stage, time: Usd.TimeCode, notes: Notes, origin: Origin = HERE) -> list[Camera]:
+    """Returns all cameras of a stage, relative to an origin, in the order of prims."""
     transforms = UsdGeom.XformCache(time)
     prims = Usd.PrimRange.Stage(stage, Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate))
+    away = Gf.Matrix4d().SetTranslate(-Gf.Vec3d(*origin))
     return [
-        read_camera(UsdGeom.Camera(p), transforms.GetLocalToWorldTransform(p), time, notes)
+        read_camera(UsdGeom.Camera(p), transforms.GetLocalToWorldTransform(p) * away, time, notes)
         for p in prims
         if p.IsA(UsdGeom.Camera)
     ]

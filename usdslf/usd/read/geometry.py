@@ -17,6 +17,7 @@ from usdslf.geometry.shape import REFINED_FACES_MAX, Shape, build_shape, fingerp
 from usdslf.scene.records import F32, F64, I32, Mesh
 from usdslf.usd.notes import Notes
 from usdslf.usd.read.implicit import SIZES, read_implicit
+from usdslf.usd.read.origin import HERE, Origin, moved_to
 from usdslf.usd.read.placement import Placed, Placement
 from usdslf.usd.read.polygons import read_polygons
 from usdslf.usd.read.primvars import read_primvars
@@ -36,12 +37,14 @@ def read_meshes(
     material_index: MaterialIndex,
     refine: int = 1,
     warnings: list[str] | None = None,
+    origin: Origin = HERE,
 ) -> list[Mesh]:
     """Reads every gprim that is shown: visible, purpose default or render.
 
     Args:
         material_index: index into the material table of what a gprim or GeomSubset is bound to.
         refine: levels of subdivision; 0 leaves cages as they are, with smooth normals.
+        origin: that positions are relative to.
         warnings: takes a sentence, naming prims, for everything that could not be read.
     """
     notes = Notes()
@@ -57,7 +60,7 @@ def read_meshes(
             reason = f"the stage has more than {TRIANGLES_MAX} triangles: {{}} and what follows is left out"
             notes.add(reason, placed.path)
             break
-        mesh = _mesh(placed, read, material_index, time, notes)
+        mesh = _mesh(placed, read, material_index, time, notes, origin)
         if mesh is not None:
             meshes.append(mesh)
             total += len(mesh.triangles)
@@ -177,7 +180,12 @@ class _Reader:
 
 
 def _mesh(
-    placed: Placed, read: _Read, material_index: MaterialIndex, time: Usd.TimeCode, notes: Notes
+    placed: Placed,
+    read: _Read,
+    material_index: MaterialIndex,
+    time: Usd.TimeCode,
+    notes: Notes,
+    origin: Origin,
 ) -> Mesh | None:
     """Puts a shape into the world and binds its materials."""
     shape, prim = read.shape, placed.prim
@@ -187,7 +195,7 @@ def _mesh(
     if not np.isfinite(world).all():
         notes.add("the transform of {} is not finite; left out", prim.GetPath())
         return None
-    positions, triangles, normals, good = place(shape, world)
+    positions, triangles, normals, good = place(shape, moved_to(world, origin))
     mirrored = len(triangles) and not np.array_equal(triangles[0], shape.triangles[0])
     if not good.any():
         notes.add("the gprim {} has no area in the world (a scale of 0?); left out", prim.GetPath())

@@ -21,6 +21,7 @@ from usdslf.scene.records import F64, Light, LightTexture
 from usdslf.textures import images
 from usdslf.usd.notes import Notes
 from usdslf.usd.read.materials import color_space_of
+from usdslf.usd.read.origin import HERE, Origin, moved_to
 
 KINDS = {
     "RectLight": "rect",
@@ -36,8 +37,8 @@ _OLD_NAMES = "since USD 21.02 the inputs of lights begin with inputs:"
 _Z_POLE = np.array([[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]])
 
 
-def read_lights(stage: Usd.Stage, time: Usd.TimeCode, color: Color, notes: Notes) -> list[Light]:
-    """Returns the visible lights of a stage, instances included."""
+def read_lights(stage: Usd.Stage, time: Usd.TimeCode, color: Color, notes: Notes, origin: Origin = HERE) -> list[Light]:
+    """Returns the visible lights of a stage, instances included, relative to an origin."""
     transforms = UsdGeom.XformCache(time)
     found = []
     prims = iter(Usd.PrimRange.Stage(stage, Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)))
@@ -53,7 +54,7 @@ def read_lights(stage: Usd.Stage, time: Usd.TimeCode, color: Color, notes: Notes
             continue
         if prim.GetTypeName() in KINDS:
             world = np.array(transforms.GetLocalToWorldTransform(prim), np.float64).T
-            found.append(_read_light(prim, world, time, color, notes))
+            found.append(_read_light(prim, moved_to(world, origin), time, color, notes))
         else:
             reason = f"light {{}} ({prim.GetTypeName()}) is not supported, use an emissive material"
             notes.add(reason, prim.GetPath())

@@ -18,6 +18,7 @@ from usdslf.usd.read.cameras import read_cameras
 from usdslf.usd.read.geometry import read_meshes
 from usdslf.usd.read.lights import read_lights
 from usdslf.usd.read.materials import MaterialTable
+from usdslf.usd.read.origin import scene_origin
 
 
 def open_stage(path: str | os.PathLike[str]) -> Usd.Stage:
@@ -81,10 +82,11 @@ def read_scene(
         authored = stage.GetRootLayer().pseudoRoot.GetInfo("upAxis")
         if authored and authored not in ("Y", "Z"):
             warnings.append(f"upAxis of {name} is {authored!r}, which is neither Y nor Z: {_up_axis(stage)} is taken")
+        origin = scene_origin(stage, time)
         table = MaterialTable(time, color, notes)
-        meshes = read_meshes(stage, time, table, refine, warnings)
-        lights = read_lights(stage, time, color, notes)
-        cameras = read_cameras(stage, time, notes)
+        meshes = read_meshes(stage, time, table, refine, warnings, origin)
+        lights = read_lights(stage, time, color, notes, origin)
+        cameras = read_cameras(stage, time, notes, origin)
     if not any(len(m.triangles) for m in meshes):
         reason = f": {warnings[0]}" if warnings else ""
         raise StageError(f"{name} has no renderable geometry, check visibility, purpose and payloads{reason}")
@@ -102,6 +104,7 @@ def read_scene(
         warnings=tuple(dict.fromkeys([*warnings, *notes.sentences()])),
         ocio=ocio or "",
         working_space=color.working_space,
+        origin=origin,
     )
 
 
