@@ -13,6 +13,7 @@ import argparse
 import math
 import sys
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -75,6 +76,7 @@ class Tracer:
         for i, (shape, prim) in enumerate(zip(shapes.shapes, shapes.prims)):
             description[f"shape{i:05d}"] = shape
             self.prims[f"shape{i:05d}"] = prim
+        self.materials = {f"shape{i:05d}": material for i, material in enumerate(shapes.materials)}
         for i, emitter in enumerate(lights.emitters(*shapes.bounding_sphere())):
             description[f"light{i:05d}"] = emitter
         self.scene = mi.load_dict(description)
@@ -109,6 +111,23 @@ class Tracer:
             parts.append(np.array(value).T)
         return np.concatenate(parts)
 
+    def first_surfaces(self, origins: NDArray, directions: NDArray) -> Surfaces:
+        """Returns what rays (n, 3) meet first, textures read; cut-out surfaces are met too."""
+        si = self.scene.ray_intersect(_ray(origins, directions))
+        n = len(origins)
+        names = np.full(n, "", object), np.full(n, "", object)
+        numbers = np.zeros((n, 3)), np.zeros((n, 3)), np.zeros(n), np.zeros(n)
+        for shape in self.scene.shapes():
+            is_met = np.array(si.shape == mi.ShapePtr(shape))
+            if not is_met.any() or shape.id() not in self.prims:
+                continue
+            d, f0, _, roughness, opacity = shape.bsdf().surface(si, mi.Bool(is_met))
+            names[0][is_met], names[1][is_met] = self.prims[shape.id()], self.materials[shape.id()]
+            for whole, part in zip(numbers, (d, f0, roughness, opacity), strict=True):
+                rows = np.array(part).T if whole.ndim == 2 else np.array(part)
+                whole[is_met] = np.broadcast_to(rows, whole.shape)[is_met]
+        return Surfaces(*names, *numbers)
+
     def first_hits(self, origins: NDArray, directions: NDArray) -> tuple[NDArray, NDArray, NDArray]:
         """Returns prim paths (n,) of str ("" for none), positions and diffuse reflectances (n, 3)."""
         si = self.scene.ray_intersect(_ray(origins, directions))
@@ -118,6 +137,18 @@ class Tracer:
         for shape in self.scene.shapes():
             names[np.array(si.shape == mi.ShapePtr(shape))] = self.prims.get(shape.id(), "")
         return names, np.array(si.p).T, diffuse
+
+
+@dataclass(frozen=True)
+class Surfaces:
+    """What rays meet first, (n, ...) each; where they meet nothing, names are empty and numbers 0."""
+
+    prim: NDArray  # paths, str
+    material: NDArray  # paths, str
+    diffuse: NDArray  # (n, 3) as the BSDF uses it
+    f0: NDArray  # (n, 3)
+    roughness: NDArray
+    opacity: NDArray
 
 
 def is_shown(prim: Usd.Prim, time: Usd.TimeCode) -> bool:

@@ -30,7 +30,7 @@ def read_texels(path: str, color_space: str) -> NDArray | None:
     import OpenImageIO as oiio
 
     image = oiio.ImageBuf(path)
-    if image.has_error:
+    if image.has_error or not image.initialized:
         image.geterror()
         return None
     pixels = np.atleast_3d(image.get_pixels(oiio.FLOAT))
@@ -134,7 +134,9 @@ class MaterialReader:
         emission, texture = self._source(shader, "emissiveColor", (0, 0, 0))
         emitter = None
         if texture:
-            emitter = {"type": "area", "radiance": self._texture(*texture, 3, uv_names)}
+            bitmap = self._texture(*texture, 3, uv_names)
+            if np.array(bitmap.get("inner", bitmap)["data"]).max() > 0:
+                emitter = {"type": "area", "radiance": bitmap}
         elif any(x > 0 for x in emission):
             emitter = {"type": "area", "radiance": {"type": "rgb", "value": [float(x) for x in emission]}}
         if len(set(uv_names[1:])) > 1:

@@ -42,6 +42,7 @@ class ShapeReader:
         self.time, self.warnings = time, warnings
         self.shapes: list[Any] = []
         self.prims: list[str] = []  # prim of each shape
+        self.materials: list[str] = []  # path of the material of each shape, "" where none is bound
         self.low, self.high = np.full(3, np.inf), np.full(3, -np.inf)
         self._materials = MaterialReader(model, warnings)
         self._bsdfs: dict[Any, tuple[Any, Any, str]] = {}
@@ -85,7 +86,7 @@ class ShapeReader:
             uvs = self._coordinates(api.FindPrimvarWithInheritance(uv_name), shown, corner, face)
             uvs = None if uvs is None else uvs[take]
             shading = None if normals is None else normals[take]
-            self._add(_mesh_shape(prim.GetName(), positions[take], shading, uvs, bsdf, emitter), prim)
+            self._add(_mesh_shape(prim.GetName(), positions[take], shading, uvs, bsdf, emitter), prim, owner)
 
     def gprim(self, prim: Usd.Prim, world: NDArray) -> None:
         """Adds a Sphere, Cube or Plane."""
@@ -121,11 +122,13 @@ class ShapeReader:
         shape["bsdf"] = bsdf
         if emitter:
             shape["emitter"] = emitter
-        self._add(shape, prim)
+        self._add(shape, prim, prim)
 
-    def _add(self, shape: Any, prim: Usd.Prim) -> None:
+    def _add(self, shape: Any, prim: Usd.Prim, bound: Usd.Prim) -> None:
+        material = UsdShade.MaterialBindingAPI(bound).ComputeBoundMaterial("full")[0]
         self.shapes.append(shape)
         self.prims.append(str(prim.GetPath()))
+        self.materials.append(str(material.GetPath()) if material else "")
 
     def _grow(self, points: NDArray) -> None:
         flat = points.reshape(-1, 3)
@@ -265,6 +268,13 @@ def _box_corners(x: float, y: float, z: float) -> NDArray:
     return np.array([[a, b, c] for a in (-x, x) for b in (-y, y) for c in (-z, z)])
 
 
+def _copied(description: Any) -> Any:
+    """A dictionary with tensors of its own: loading one takes them away."""
+    if isinstance(description, dict):
+        return {key: _copied(value) for key, value in description.items()}
+    return mi.TensorXf(np.array(description)) if isinstance(description, mi.TensorXf) else description
+
+
 def _mesh_shape(
     name: str, positions: NDArray, normals: NDArray | None, uvs: NDArray | None, bsdf: Any, emitter: Any
 ) -> Any:
@@ -272,7 +282,7 @@ def _mesh_shape(
     props = mi.Properties()
     props["mesh_bsdf"] = bsdf
     if emitter is not None:
-        props["mesh_emitter"] = mi.load_dict(emitter)
+        props["mesh_emitter"] = mi.load_dict(_copied(emitter))
     if normals is None:
         props["face_normals"] = True
     count = len(positions) * 3

@@ -10,7 +10,7 @@ from truth.recovery.cases import CASES
 from truth.recovery.painters import FEW, PAINTERS, SWATCHES, painted
 from truth.recovery.run_recovery import AIMED_AT, read_truth
 
-from usdslf.color import BUILT_IN, color_of
+from usdslf.color import BUILT_IN, USD_DEFAULT_SPACE, color_of
 
 SOME = CASES[:12]
 
@@ -66,7 +66,7 @@ def test_strokes_are_darkened_differently() -> None:
 
 
 def test_display_picks_are_codes_of_8_bit() -> None:
-    color = color_of(BUILT_IN)
+    color = color_of(BUILT_IN, USD_DEFAULT_SPACE)
     truths = [read_truth(case) for case in SOME]
     exact = np.concatenate([exact_of(t) for t in truths]).astype(np.float32)
     picks = np.concatenate([painted(t, "display")[1] for t in truths]).astype(np.float32)

@@ -9,6 +9,7 @@ from __future__ import annotations
 from typing import Any
 
 from truth.recovery.stages import Case, InputValue, TextureInput
+from truth.recovery.textured_cases import TEXTURED, TexturedCase
 
 TEXTURE = "texture.png"
 
@@ -194,3 +195,9 @@ TWINS = [
 UNDECIDABLE: dict[str, str] = {}
 
 CASES = TUNING + TWINS
+SETS: dict[str, list[Case] | list[TexturedCase]] = {
+    "tuning": TUNING,
+    "twin": TWINS,
+    "all": CASES,
+    "textured": TEXTURED,  # on the real assets, see textured_cases.py
+}

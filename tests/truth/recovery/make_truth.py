@@ -120,18 +120,25 @@ def changed_places(
     xy = np.stack([x.ravel(), y.ravel()], -1)
     names = tracer.first_hits(*camera_rays(tracer.stage, CAMERA, xy, ASPECT))[0]
     is_subject = np.isin(names, subjects)
-    smooth = [uniform_filter(p, (3, 3, 0)).reshape(-1, 3) for p in (before, after)]
-    level = 0.1 * smooth[1][is_subject].mean()
-    visible = (np.abs(smooth[1] - smooth[0]).max(1)) / (np.maximum(*smooth).max(1) + level)
-    xy, visible = xy[is_subject], visible[is_subject]
-    changed = visible >= 0.3 * np.percentile(visible, 95)
-    xy, visible = xy[changed], visible[changed]
+    xy, visible = changed_where(xy, is_subject, before, after)
     # The whole footprint lies on the subject.
     ring = 1.25 * RADIUS * np.exp(2j * np.pi * np.arange(12) / 12)
     around = xy[:, None] + np.stack([ring.real / ASPECT, ring.imag], -1)
     names = tracer.first_hits(*camera_rays(tracer.stage, CAMERA, around.reshape(-1, 2), ASPECT))[0]
     inside = np.isin(names, subjects).reshape(-1, 12).all(1) & ((around > 0) & (around < 1)).all((1, 2))
     return xy[inside], visible[inside]
+
+
+def changed_where(xy: NDArray, is_subject: NDArray, before: NDArray, after: NDArray) -> tuple[NDArray, NDArray]:
+    """Returns those places xy (n, 2), of all pixels, that changed among the subject's, and by how much."""
+    if not is_subject.any():
+        return xy[:0], np.zeros(0)
+    smooth = [uniform_filter(p, (3, 3, 0)).reshape(-1, 3) for p in (before, after)]
+    level = 0.1 * smooth[1][is_subject].mean()
+    visible = (np.abs(smooth[1] - smooth[0]).max(1)) / (np.maximum(*smooth).max(1) + level)
+    xy, visible = xy[is_subject], visible[is_subject]
+    changed = visible >= 0.3 * np.percentile(visible, 95)
+    return xy[changed], visible[changed]
 
 
 def pick_dabs(xy: NDArray, visible: NDArray, spreads: bool, rng: np.random.Generator) -> NDArray:
@@ -165,13 +172,15 @@ def in_order(xy: NDArray) -> NDArray:
     return xy[order]
 
 
-def dab_radiance(tracer: Tracer, xy: NDArray, most_rounds: int, seed: int) -> tuple[NDArray, NDArray]:
+def dab_radiance(
+    tracer: Tracer, xy: NDArray, most_rounds: int, seed: int, camera: str = CAMERA
+) -> tuple[NDArray, NDArray]:
     """Returns mean radiances (n, 3) over the dabs and their relative standard errors (n,)."""
     rng = np.random.default_rng(seed)
     means: list[NDArray] = []
     while True:
         offsets = disc_offsets(RAYS_A_ROUND * len(xy), rng).reshape(len(xy), RAYS_A_ROUND, 2)
-        rays = camera_rays(tracer.stage, CAMERA, (xy[:, None] + offsets).reshape(-1, 2), ASPECT)
+        rays = camera_rays(tracer.stage, camera, (xy[:, None] + offsets).reshape(-1, 2), ASPECT)
         values = tracer.radiance(*rays, seed=seed * 100003 + len(means))
         means.append(values.reshape(len(xy), RAYS_A_ROUND, 3).mean(1))
         rounds = np.stack(means)

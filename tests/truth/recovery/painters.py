@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from usdslf.color import BUILT_IN, color_of
+from usdslf.color import BUILT_IN, USD_DEFAULT_SPACE, color_of
 from usdslf.strokes.colors import DISPLAY_LIMIT
 
 PAINTERS = ("exact", "uneven", "few", "swatch", "dark", "flat", "display")
@@ -96,7 +96,7 @@ def swatches(colors: NDArray, rng: np.random.Generator, count: int = SWATCHES) -
 
 def display_picks(colors: NDArray) -> NDArray:
     """Returns scene-linear colours (n, 3) as picked in 8 bit from the default view of the built-in config."""
-    color = color_of(BUILT_IN)
+    color = color_of(BUILT_IN, USD_DEFAULT_SPACE)
     shown = color.display(np.ascontiguousarray(colors, np.float32))
     codes = np.round(np.clip(shown, 0, 1) * 255) / 255
     linear = color.display(codes.astype(np.float32), invert=True)

@@ -1,6 +1,6 @@
 """Runs the recovery suite: does a stroke give back the change that was made?
 
-    python tests/truth/recovery/run_recovery.py [NAME ...] [--set tuning|twin|all] [--ways all|exact,swatch,...]
+    python tests/truth/recovery/run_recovery.py [NAME ...] [--set tuning|twin|all|textured] [--ways all|exact,few,...]
                                           [--elements N] [--json OUT] [--markdown]
 
 The truth (truth/NAME.json, see make_truth) was rendered by a path tracer.  For each case and way the dabs are
@@ -27,9 +27,10 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[3]))
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 import numpy as np
-from truth.recovery.cases import CASES, UNDECIDABLE
+from truth.recovery.cases import SETS, UNDECIDABLE
 from truth.recovery.painters import PAINTERS, painted
 from truth.recovery.stages import CAMERA, SIZE, Case, build_stage
+from truth.recovery.textured_cases import TexturedCase
 
 import usdslf
 
@@ -65,20 +66,21 @@ class Outcome:
     note: str = ""
 
 
-def read_truth(case: Case) -> dict[str, Any]:
+def read_truth(case: Case | TexturedCase) -> dict[str, Any]:
     """Returns the saved truth of a case."""
     return json.loads((TRUTH / f"{case.name}.json").read_text())
 
 
 def run_case(
-    case: Case, ways: Iterable[str] = WAYS, elements: int = ELEMENTS, **options: Any
+    case: Case | TexturedCase, ways: Iterable[str] = WAYS, elements: int = ELEMENTS, **options: Any
 ) -> list[Outcome]:
     """Paints and solves one case in each way.  `options` go to usdslf.open."""
     truth = read_truth(case)
     start = time.perf_counter()
     found = []
     with tempfile.TemporaryDirectory() as folder:
-        session = usdslf.open(build_stage(case, Path(folder)), elements=elements, **options)
+        stage = case.build(Path(folder)) if isinstance(case, TexturedCase) else build_stage(case, Path(folder))
+        session = usdslf.open(stage, elements=elements, **options)
         for way in ways:
             stroke = paint(session, truth, way)
             session.add_stroke(stroke)
@@ -106,12 +108,15 @@ def paint(session: Any, truth: dict[str, Any], way: str) -> usdslf.Stroke:
     return replace(stroke, colors=colors)
 
 
-def judge(case: Case, truth: dict[str, Any], way: str, report: dict[str, Any], seconds: float) -> Outcome:
+def judge(
+    case: Case | TexturedCase, truth: dict[str, Any], way: str, report: dict[str, Any], seconds: float
+) -> Outcome:
     """Compares a stroke's report with the truth."""
     key, expected = REPORT_KEY[case.parameter], "none" if way == BEFORE else case.parameter
     true = np.atleast_1d(truth["before" if way == BEFORE else "after"][key]).astype(float)
     found = np.atleast_1d(report["after"][key]).astype(float)
-    is_right = report["inferred"] == expected and report["material"] == truth["material"]
+    is_material = is_same_material(case, truth["material"], report["material"])
+    is_right = report["inferred"] == expected and is_material
     error = float(np.abs(found - true).max()) if expected in report["inferred"] else float("nan")
     others = sorted(report.get("alternatives", ()), key=lambda a: a["cost"])[:3]
     return Outcome(
@@ -127,11 +132,18 @@ def judge(case: Case, truth: dict[str, Any], way: str, report: dict[str, Any], s
         " ".join(f"{a['id']}:{a['cost']:.3g}" for a in others),
         float(report["residual_after"]),
         seconds,
-        "" if report["material"] == truth["material"] else f"material {report['material']}",
+        "" if is_material else f"material {report['material']}",
     )
 
 
-def run(cases: Iterable[Case], ways: Iterable[str] = WAYS, **options: Any) -> Iterator[Outcome]:
+def is_same_material(case: Case | TexturedCase, true: str, found: str) -> bool:
+    """Whether a material is the one that changed, or that one in an instance."""
+    if isinstance(case, TexturedCase) and case.shot.copies:
+        return found.endswith(true.removeprefix(case.shot.root))
+    return found == true
+
+
+def run(cases: Iterable[Case | TexturedCase], ways: Iterable[str] = WAYS, **options: Any) -> Iterator[Outcome]:
     """Yields the outcomes of all cases; one that fails to run is an outcome too."""
     for case in cases:
         try:
@@ -146,14 +158,13 @@ def run(cases: Iterable[Case], ways: Iterable[str] = WAYS, **options: Any) -> It
                 )
 
 
-def select(set_name: str = "tuning", names: Iterable[str] = ()) -> list[Case]:
+def select(set_name: str = "tuning", names: Iterable[str] = ()) -> list[Case | TexturedCase]:
     """Returns the cases of a set that have a truth and can be decided; names are parts of names."""
     names = list(names)
     return [
         c
-        for c in CASES
-        if set_name in ("all", c.set_name)
-        and (not names or any(n in c.name for n in names))
+        for c in SETS[set_name]
+        if (not names or any(n in c.name for n in names))
         and (names or c.name not in UNDECIDABLE)
         and (TRUTH / f"{c.name}.json").exists()
     ]
@@ -163,7 +174,7 @@ def line(o: Outcome) -> str:
     """One row of the table."""
     mark = "ok   " if o.is_right and o.is_close else "value" if o.is_right else "WRONG"
     values = f"{_numbers(o.true):>17s} {_numbers(o.found):>17s}"
-    what = f"{mark} {o.case:44s} {o.way:7s} {o.expected:10s} {o.inferred:22s}"
+    what = f"{mark} {o.case:46s} {o.way:7s} {o.expected:10s} {o.inferred:22s}"
     return f"{what} {values} {o.error:6.3f} {o.seconds:5.1f}  {o.ranking} {o.note}"
 
 
@@ -229,7 +240,7 @@ def main() -> None:
     """Prints the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("names", nargs="*", help="parts of names; none: all of the set")
-    parser.add_argument("--set", default="tuning", choices=["tuning", "twin", "all"])
+    parser.add_argument("--set", default="tuning", choices=list(SETS))
     parser.add_argument("--ways", default=",".join(WAYS), help=f"of {','.join([*PAINTERS, BEFORE])}, or all")
     parser.add_argument("--elements", type=int, default=ELEMENTS)
     parser.add_argument("--json", type=Path)
@@ -237,7 +248,9 @@ def main() -> None:
     a = parser.parse_args()
     outcomes = []
     ways = PAINTERS if a.ways == "all" else a.ways.split(",")
-    for outcome in run(select("all" if a.names else a.set, a.names), ways, elements=a.elements):
+    sets = ("all", "textured") if a.names and a.set == "tuning" else (a.set,)
+    chosen = [case for name in sets for case in select(name, a.names)]
+    for outcome in run(chosen, ways, elements=a.elements):
         outcomes.append(outcome)
         print(line(outcome), flush=True)
     for total in totals(outcomes):
