@@ -23,10 +23,9 @@ AVOCADO = "/_materials/_256_Avocado_d"
 CAR = "/vehicleVariant/tractorFullAsset/tractor/materials"
 POT = "/teapot/mtl/default_material"
 PLATES = "/scene/mtl"
-WALLS = "/standard_shader_ball_scene/materials"
 
 D, S, G = "diffuse", "specular", "glossiness"
-LIGHTS = {"studio": (STUDIO, 0.4), "courtyard": (COURTYARD, 1.0), "apartment": (APARTMENT, 1.0), "own": ("", 1.0)}
+LIGHTS = {"studio": (STUDIO, 0.4), "courtyard": (COURTYARD, 1.0), "apartment": (APARTMENT, 1.0)}
 
 
 @dataclass(frozen=True)
@@ -152,8 +151,4 @@ TEXTURED = [
           _set(f"{PLATES}/opacityThreshold_050/surface", "diffuseColor", (0.4, 0.3, 0.1)), 361),
     _case("opacity", "courtyard", f"{PLATES}/opacityThreshold_025", S,
           _set(f"{PLATES}/opacityThreshold_025/surface", "ior", 2.6), 362),
-    _case("opacity", "studio", f"{PLATES}/opacityThreshold_050", G,
-          _set(f"{PLATES}/opacityThreshold_050/surface", "roughness", 0.05), 363),
-    # A textured wall that others are lit by.
-    _case("shaderball", "own", f"{WALLS}/back", D, _times(f"{WALLS}/back/usduvtexture1", 0.5, 0.8, 1.4), 371),
 ]  # fmt: skip
