@@ -10,9 +10,9 @@
  * Eqs. 5 and 6 are least squares of C x - d; with LEAST it is those of the light, x1 = (d1 - C12 x2) / C11, and both are
  * fitted in turn once more where they are held in bounds.  A price h of moving a parameter adds h to the diagonal of C and h
  * times the present value to d.
- * Nguyen et al. 2013, 5.3 and Listing 1.  Build constants PHONG, LEAST (0 or 1).
+ * Nguyen et al. 2013, 5.3 and Listing 1.  Build constants MODEL, LEAST (0 or 1).
  */
-#include "common.cl"
+#include "reflectance.cl"
 
 #define LANES 16
 #define Q_BINS (D_BINS / 4)
@@ -210,14 +210,14 @@ inline void fit_diffuse(const float *g, const float *now, const float *f, float 
 {
     float over[3], under[3], top[3];
     for (int c = 0; c < 3; c++, g += BASES * BASES) {
-        float at_90 = PHONG ? 0.0f : IS_TIED ? f[c] : F90[c];
-        float u[BASES] = {PHONG ? 1.0f : 1.0f - f[c], PHONG ? 0.0f : 1.0f - at_90, 0.0f, 0.0f, 0.0f};
+        float at_90 = !HAS_FRESNEL ? 0.0f : IS_TIED ? f[c] : F90[c];
+        float u[BASES] = {!HAS_FRESNEL ? 1.0f : 1.0f - f[c], !HAS_FRESNEL ? 0.0f : 1.0f - at_90, 0.0f, 0.0f, 0.0f};
         float v[BASES] = {0.0f, 0.0f, 1.0f, IS_TIED, 0.0f}, p[BASES] = {0.0f, 0.0f, 0.0f, IS_TIED ? 0.0f : at_90, -1.0f};
         float c11 = form(u, g, u), c12 = form(u, g, v), c22 = form(v, g, v);
         float e1 = -form(u, g, p) - c12 * f[c], e2 = -form(v, g, p) - c22 * f[c];
         over[c] = LEAST ? e1 + HOLD_D * D0[c] : c11 * e1 + c12 * e2;
         under[c] = LEAST ? c11 + HOLD_D : c11 * c11 + c12 * c12;
-        top[c] = max(PHONG ? min(HIGHEST, 1.0f - f[c]) : HIGHEST, D0[c]);
+        top[c] = max(!HAS_FRESNEL ? min(HIGHEST, 1.0f - f[c]) : HIGHEST, D0[c]);
     }
     divide(over, under, 0, D0, d);
     scale_into(d, top);
@@ -228,14 +228,14 @@ inline void fit_specular(const float *g, const float *now, const float *d, float
 {
     float over[3], under[3], top[3];
     for (int c = 0; c < 3; c++, g += BASES * BASES) {
-        float kept = IS_TIED || PHONG ? 0.0f : F90[c], less = PHONG ? 0.0f : -d[c];
+        float kept = IS_TIED || !HAS_FRESNEL ? 0.0f : F90[c], less = !HAS_FRESNEL ? 0.0f : -d[c];
         float u[BASES] = {1.0f, IS_TIED, 0.0f, 0.0f, 0.0f}, v[BASES] = {less, IS_TIED ? less : 0.0f, 1.0f, IS_TIED, 0.0f};
-        float p[BASES] = {0.0f, IS_TIED || PHONG ? 0.0f : d[c] * (1.0f - kept), 0.0f, kept, -1.0f};
+        float p[BASES] = {0.0f, IS_TIED || !HAS_FRESNEL ? 0.0f : d[c] * (1.0f - kept), 0.0f, kept, -1.0f};
         float c11 = form(u, g, u), c12 = form(u, g, v), c22 = form(v, g, v);
         float e1 = -form(u, g, p) - c11 * d[c], e2 = -form(v, g, p) - c12 * d[c];
         over[c] = LEAST ? e2 + HOLD_F * F0[c] : c12 * e1 + c22 * e2;
         under[c] = LEAST ? c22 + HOLD_F : c12 * c12 + c22 * c22;
-        top[c] = PHONG ? max(1.0f - d[c], 0.0f) : 1.0f;
+        top[c] = !HAS_FRESNEL ? max(1.0f - d[c], 0.0f) : 1.0f;
     }
     divide(over, under, IS_ALIKE, F0, f);
     scale_into(f, top);
@@ -246,12 +246,12 @@ inline int fit_both(const float *g, const float *now, float *d, float *f)
 {
     float over[3], under[3], c11[3], c12[3], d1[3], top[3], most = 1.0f;
     for (int c = 0; c < 3; c++, g += BASES * BASES) {
-        float kept = IS_TIED || PHONG ? 0.0f : F90[c];
+        float kept = IS_TIED || !HAS_FRESNEL ? 0.0f : F90[c];
         float u[BASES] = {1.0f, IS_TIED, 0.0f, 0.0f, 0.0f}, v[BASES] = {0.0f, 0.0f, 1.0f, IS_TIED, 0.0f};
-        float p[BASES] = {0.0f, IS_TIED || PHONG ? 0.0f : D0[c] * (1.0f - kept), 0.0f, kept, -1.0f};
+        float p[BASES] = {0.0f, IS_TIED || !HAS_FRESNEL ? 0.0f : D0[c] * (1.0f - kept), 0.0f, kept, -1.0f};
         c11[c] = form(u, g, u) + HOLD_D;
         c12[c] = form(u, g, v);
-        d1[c] = HOLD_D * D0[c] * (PHONG ? 1.0f : 1.0f - F0[c]) - form(u, g, p);
+        d1[c] = HOLD_D * D0[c] * (!HAS_FRESNEL ? 1.0f : 1.0f - F0[c]) - form(u, g, p);
         float c22 = form(v, g, v) + HOLD_F, d2 = HOLD_F * F0[c] - form(v, g, p);
         float det = c11[c] * c22 - c12[c] * c12[c];
         if (!(det > PARALLEL * c11[c] * c22)) return 0;
@@ -268,7 +268,7 @@ inline int fit_both(const float *g, const float *now, float *d, float *f)
     for (int c = 0; c < 3; c++) {
         d[c] /= most;
         f[c] /= most;
-        if (!PHONG) d[c] = f[c] < 1.0f ? d[c] / (1.0f - f[c]) : 0.0f;
+        if (HAS_FRESNEL) d[c] = f[c] < 1.0f ? d[c] / (1.0f - f[c]) : 0.0f;
     }
     scale_into(d, top);
     return 1;
@@ -319,10 +319,10 @@ __kernel void fit_level(__global const float *products, __global const float *pr
             float dd = d[k][c], ff = f[k][c], at_90 = IS_TIED ? ff : F90[c];
             to[c * LANES] = dd;
             to[(3 + c) * LANES] = ff;
-            weights[c * LANES] = PHONG ? dd : dd * (1.0f - ff);
-            weights[(3 + c) * LANES] = PHONG ? 0.0f : dd * (1.0f - at_90);
+            weights[c * LANES] = !HAS_FRESNEL ? dd : dd * (1.0f - ff);
+            weights[(3 + c) * LANES] = !HAS_FRESNEL ? 0.0f : dd * (1.0f - at_90);
             weights[(6 + c) * LANES] = ff;
-            weights[(9 + c) * LANES] = PHONG ? 0.0f : at_90;
+            weights[(9 + c) * LANES] = !HAS_FRESNEL ? 0.0f : at_90;
         }
         to[6 * LANES] = k == 3 ? bar : 0.0f;
     }

@@ -5,7 +5,6 @@
  * Build constant LOBES: lobes of the mixture, the cosine not counted.
  */
 #include "reflectance.cl"
-#include "visible_normals.cl"
 
 /* density [1/sr] of the directions that a lobe's visible normals mirror the eye to */
 inline float lobe_density(float alpha, float3 e, float3 l)
@@ -63,8 +62,7 @@ __kernel void density_at(__global const float *eye, __global const float *toward
 
 DEFINE_GGX(float16, ggx_distribution16)
 DEFINE_SMITH(float16, smith_visibility16)
-DEFINE_PREVIEW_SURFACE(float16, preview_surface16, ggx_distribution16, smith_visibility16)
-DEFINE_PHONG(float16, phong16)
+DEFINE_MODEL(float16, model16, ggx_distribution16, smith_visibility16)
 
 inline float sum16(float16 v)
 {
@@ -95,12 +93,8 @@ __kernel void columns(__global const float *eye, __global const int *light_row, 
     __global const float16 *radiance = light + (size_t)light_row[s] * 3 * packs;
     for (uint i = 0; i < packs; i++) {
         float16 column[4];
-#if PHONG
-        phong16(parameter, e.x, e.y, e.z, to[i], to[packs + i], to[2 * packs + i],
-#else
-        preview_surface16(parameter, e.x, e.y, e.z, to[i], to[packs + i], to[2 * packs + i],
-#endif
-                &column[0], &column[1], &column[2], &column[3]);
+        model16(parameter, e.x, e.y, e.z, to[i], to[packs + i], to[2 * packs + i], &column[0], &column[1], &column[2],
+                &column[3]);
         for (int c = 0; c < 3; c++) {
             float16 r = radiance[c * packs + i];
             for (int k = 0; k < 4; k++) sum[k][c] += column[k] * r;

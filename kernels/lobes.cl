@@ -1,16 +1,11 @@
 /* lobes.cl: directions drawn from the lobes of a surface, and the weights of directions.
  *
- * A ray's five weights are the integrands of (X, Y, A, B, coat) of reflectance.cl.  With the build constant PHONG they are
- * (0, X, A, 0, 0) of the phong model, which F90 = 0 turns into k_d X + k_s A.
+ * A ray's five weights are the integrands of (X, Y, A, B, coat) of reflectance.cl.  Build constant MODEL.
  */
 #include "reflectance.cl"
-#include "visible_normals.cl"
 #include "low_discrepancy.cl"
 #include "guided_directions.cl"
 
-#ifndef PHONG
-#define PHONG 0
-#endif
 #define WEIGHTS 5
 
 /* points (n, 2) of a sequence at given indices */
@@ -25,22 +20,6 @@ __kernel void sequence_points(
     vstore2(sobol(index[i], seed), i, point);
 }
 
-/* of phong: the exponent (phong_exponent of usdslf/surfaces/reflectance.py), and the density of cos^n about the mirrored eye */
-inline float exponent_of(float alpha) { return clamp(0.5f / (alpha * alpha) - 0.5f, 1e-3f, 1e6f); }
-
-inline float phong_pdf(float n, float3 e, float3 l)
-{
-    return (n + 1.0f) / (2.0f * PI_F) * pow(max(e.z * l.z - e.x * l.x - e.y * l.y, 0.0f), n);
-}
-
-inline float3 phong_direction(float n, float3 e, float2 u)
-{
-    float c = pow(1.0f - u.y, 1.0f / (n + 1.0f)), s = sqrt(max(1.0f - c * c, 0.0f)), phi = 2.0f * PI_F * u.x;
-    float3 m = (float3)(-e.x, -e.y, e.z), t, b;
-    frame_about(m, &t, &b);
-    return s * cos(phi) * t + s * sin(phi) * b + c * m;
-}
-
 /* weights (5) of light direction l seen from e, and the density of the mixture of lobes that draws it.
  * lobes: alpha, alpha of the coat, chance of the specular lobe, chance of the coat; coat: its strength, its F0.
  * h: half vector. */
@@ -53,20 +32,7 @@ inline float lobe_weights(float4 lobes, float2 coat, float3 e, float3 l, float3 
     float f = pown(1.0f - eh, 5);
     float d = ggx_of_half(lobes.x, h);
     float c = nl / PI_F;
-#if PHONG
-    float n = exponent_of(lobes.x);
-    float4 column = phong_columns(n, e, l);
-    w[1] = column.x;
-    w[2] = column.z;
-    float lobe_pdf = phong_pdf(n, e, l);
-#else
-    float lobe_pdf = visible_pdf(lobes.x, d, ne);
-    float dvc = d * smith_visibility(lobes.x, nl, ne) * nl;
-    w[0] = (1.0f - f) * c;
-    w[1] = f * c;
-    w[2] = (1.0f - f) * dvc;
-    w[3] = f * dvc;
-#endif
+    float lobe_pdf = model_weights(lobes.x, d, f, e, l, w);
     float pdf = (1.0f - lobes.z - lobes.w) * c + lobes.z * lobe_pdf;
     if (coat.x > 0.0f) {
         float dc = ggx_of_half(lobes.y, h);
@@ -127,13 +93,7 @@ __kernel void sample_lobes(
     if (u.x < second) {
         int spec = u.x < first;
         u.x = spec ? u.x / first : (u.x - first) / lob.w;
-#if PHONG
-        l = phong_direction(exponent_of(lob.x), e, u);
-        h = normalize(e + l);
-#else
-        h = visible_normal(spec ? lob.x : lob.y, e, u);
-        l = 2.0f * dot(e, h) * h - e;
-#endif
+        model_draw(spec ? lob.x : lob.y, e, u, &l, &h);
     } else {
         u.x = min((u.x - second) / (1.0f - second), 0.99999994f);
         if (u.x < g) {

@@ -3,7 +3,7 @@
  *     K[w, d] = integral over bin d of the column's integrand, seen from the centre of bin w
  *
  * by midpoints: COARSE^2 a bin, FINE^2 where the bin lies near the mirror direction of w, since a sharp lobe is
- * narrower than a bin.  Build constants: SIDE, COARSE, FINE, PHONG (0 or 1).  Nguyen et al. 2013, 5.2.
+ * narrower than a bin.  Build constants: SIDE, COARSE, FINE, MODEL.  Nguyen et al. 2013, 5.2.
  */
 #include "reflectance.cl"
 
@@ -28,11 +28,7 @@ __kernel void exact_matrix(__global const int *rows, const int row_count, const 
     for (int i = 0; i < n; i++)
         for (int j = 0; j < n; j++) {
             float3 l = hemisphere_from_square(x0 + (j + 0.5f) * step, y0 + (i + 0.5f) * step);
-#if PHONG
-            sum += phong_columns(parameter, e, l);
-#else
-            sum += preview_surface_columns(parameter, e, l);
-#endif
+            sum += model_columns(parameter, e, l);
         }
     sum *= (2.0f * PI_F / D_BINS) / (n * n);
     size_t at = (size_t)row * D_BINS + d;

@@ -8,6 +8,7 @@
  *     x = c / pi,  y = 0,  a = (n + 2) / (2 pi) <mirror(w), w'>^n c,  b = 0
  */
 #include "common.cl"
+#include "visible_normals.cl"
 
 /* GGX distribution; alpha = roughness^2.  Walter et al. 2007, Eq. 33.
  * 1 - nh^2 is taken as a product: near the peak of a sharp lobe the difference would be lost to rounding. */
@@ -70,3 +71,69 @@ inline float4 phong_columns(float n, float3 e, float3 l)
     phong_into(n, e.x, e.y, e.z, l.x, l.y, l.z, &x, &y, &a, &b);
     return (float4)(x, y, a, b);
 }
+
+/* of the renderer: a direction l that a lobe mirrors the eye to, its half vector h, and the density of such directions; and the
+ * weights (4) of a direction in which the colours d, F0, F90 are reflected, with the distribution and the ramp at hand */
+
+inline void preview_surface_draw(float alpha, float3 e, float2 u, float3 *l, float3 *h)
+{
+    *h = visible_normal(alpha, e, u);
+    *l = 2.0f * dot(e, *h) * *h - e;
+}
+
+inline float preview_surface_weights(float alpha, float ggx, float f, float3 e, float3 l, float *w)
+{
+    float c = l.z / PI_F;
+    float dvc = ggx * smith_visibility(alpha, l.z, e.z) * l.z;
+    w[0] = (1.0f - f) * c;
+    w[1] = f * c;
+    w[2] = (1.0f - f) * dvc;
+    w[3] = f * dvc;
+    return visible_pdf(alpha, ggx, e.z);
+}
+
+/* of phong: the exponent (phong_exponent of usdslf/surfaces/reflectance.py), and the density of cos^n about the mirrored eye */
+inline float exponent_of(float alpha) { return clamp(0.5f / (alpha * alpha) - 0.5f, 1e-3f, 1e6f); }
+
+inline float phong_pdf(float n, float3 e, float3 l)
+{
+    return (n + 1.0f) / (2.0f * PI_F) * pow(max(e.z * l.z - e.x * l.x - e.y * l.y, 0.0f), n);
+}
+
+inline void phong_draw(float alpha, float3 e, float2 u, float3 *l, float3 *h)
+{
+    float n = exponent_of(alpha);
+    float c = pow(1.0f - u.y, 1.0f / (n + 1.0f)), s = sqrt(max(1.0f - c * c, 0.0f)), phi = 2.0f * PI_F * u.x;
+    float3 m = (float3)(-e.x, -e.y, e.z), t, b;
+    frame_about(m, &t, &b);
+    *l = s * cos(phi) * t + s * sin(phi) * b + c * m;
+    *h = normalize(e + *l);
+}
+
+/* (0, X, A, 0), which F90 = 0 turns into k_d X + k_s A */
+inline float phong_weights(float alpha, float ggx, float f, float3 e, float3 l, float *w)
+{
+    float n = exponent_of(alpha);
+    float4 column = phong_columns(n, e, l);
+    w[1] = column.x;
+    w[2] = column.z;
+    return phong_pdf(n, e, l);
+}
+
+/* ── the model that is built: MODEL is its number in usdslf/surfaces/reflectance.py ── */
+#ifndef MODEL
+#define MODEL 0
+#endif
+#if MODEL == 0
+#define HAS_FRESNEL 1
+#define DEFINE_MODEL DEFINE_PREVIEW_SURFACE
+#define model_columns preview_surface_columns
+#define model_draw preview_surface_draw
+#define model_weights preview_surface_weights
+#else
+#define HAS_FRESNEL 0
+#define DEFINE_MODEL(F, NAME, GGX, SMITH) DEFINE_PHONG(F, NAME)
+#define model_columns phong_columns
+#define model_draw phong_draw
+#define model_weights phong_weights
+#endif

@@ -56,7 +56,7 @@ from usdslf.stylize.unsharp_mask import (
     editable_materials,
     stylize_light,
 )
-from usdslf.surfaces.reflectance import MODELS
+from usdslf.surfaces.reflectance import model_of
 from usdslf.usd.author.author import author_look, author_review_root, check_look_place
 from usdslf.usd.border import quiet_usd
 from usdslf.usd.edited import open_edited
@@ -105,8 +105,7 @@ class Session:
             raise InputError(f"--elements {elements} is not in 1 .. {(1 << 22) - 1}")
         if bounces < 1:
             raise InputError(f"--bounces {bounces} is less than 1")
-        if model not in MODELS:
-            raise InputError(f"unknown reflectance model '{model}'; choose one of {', '.join(MODELS)}")
+        model_of(model)
         self.shot = open_stage(stage) if isinstance(stage, (str, os.PathLike)) else stage
         self.made = make_preview_materials(self.shot, ocio) if make_preview else None
         with quiet_usd():
@@ -286,7 +285,7 @@ class Session:
                     for number, direct in enumerate(rounds):  # noqa: B007
                         self._say("solve", (number + 1) / 4)
                 self.answers = direct
-                if self.model == "phong":
+                if not model_of(self.model).is_authored:
                     self.residual_as_preview = {a.pool: residual_as_preview(a, painted, field) for a in direct}
                 if any(p.stroke.mode == "indirect" for p in painted):
                     self.answers = direct + infer_indirect(
@@ -461,7 +460,7 @@ class Session:
             "solve": self._how(),
             **({"frame": scene.frame} if np.isfinite(scene.frame) else {}),
         }
-        if self.model == "phong":
+        if not model_of(self.model).is_authored:
             self._warn_of_phong()
         check_look_place(self.shot, path)
         with self._step("author"):

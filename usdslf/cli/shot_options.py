@@ -53,7 +53,7 @@ def lighting_options(make_preview: str) -> Any:
     def add(command: Any) -> Any:
         command = _frame(_refine(gathered("shot", Lighting)(command)))
         command = click.option(
-            "--model", type=click.Choice(MODELS), default=MODELS[0], show_default=True,
+            "--model", type=click.Choice(list(MODELS)), default=next(iter(MODELS)), show_default=True,
             help="How surfaces reflect: as UsdPreviewSurface, or the Phong of the paper, to be compared with it.",
         )(command)  # fmt: skip
         command = click.option("--make-preview", is_flag=True, help=make_preview)(command)

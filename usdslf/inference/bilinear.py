@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from usdslf.inference.evidence import Evidence, mean_by
 from usdslf.inference.residuals import mean_by_stroke, relative_scale
 from usdslf.scene.records import F64
-from usdslf.surfaces.reflectance import is_metal
+from usdslf.surfaces.reflectance import is_metal, model_of
 
 TEXTURED = 5e-3  # standard deviation of a reflectance over the dabs, above which it varies
 
@@ -87,7 +87,7 @@ class Tables:
     is_textured: bool  # d varies
     is_textured_f0: bool = False
     most_diffuse: float = 1.0  # that the material can reflect: its opacity, where it is seen through
-    is_phong: bool = False  # d + F0 <= 1 is for the fit to keep
+    must_hold_energy: bool = False  # d + F0 <= 1 is for the fit to keep
 
     @property
     def own(self) -> int:
@@ -170,7 +170,7 @@ def pool_tables(evidences: list[Evidence], material: int, model: str = "preview_
         is_textured=bool(d.std(0).max() > TEXTURED),
         is_textured_f0=bool(f0.std(0).max() > TEXTURED),
         most_diffuse=float(np.clip(cat("opacity").min(), 0, 1)),
-        is_phong=model == "phong",
+        must_hold_energy=not model_of(model).has_fresnel,
     )
 
 
@@ -180,8 +180,7 @@ def _rows_of(e: Evidence, material: int, index: int, model: str) -> _Rows:
     mean = lambda x: mean_by(x, e.dab_of_sample)[:n][here]  # noqa: E731
     s = e.surface
     d, f0, f90 = (x.astype(np.float64) for x in (s.diffuse, s.f0, s.f90))
-    if model == "phong":  # as the light field reflects it
-        f0 = np.minimum(f0, np.maximum(1 - d, 0))
+    f0 = model_of(model).held(d, f0)[1]  # as the light field reflects it
     tied = is_metal(d, f0, f90)
     b = bilinear(e.columns, d, f0, f90, tied, model)
     b = Bilinear(b.p + e.coat[:, None], b.u, b.v, b.w)
@@ -215,12 +214,4 @@ def bilinear(columns: F64, d: F64, f0: F64, f90: F64, tied: bool, model: str) ->
     Args:
         tied: F90 changes with F0, as in a metal of the metal workflow.
     """
-    x, y, a, b = (columns[:, :, k] for k in range(4))
-    d, f0, f90 = d[:, None], f0[:, None], f90[:, None]
-    if model == "phong":
-        return Bilinear(d * x + f0 * a, x, a, np.zeros_like(x))
-    p = d * ((1 - f0) * x + (1 - f90) * y) + f0 * a + f90 * b
-    u = (1 - f0) * x + (1 - f90) * y
-    if tied:
-        return Bilinear(p, u, a + b - d * (x + y), x + y)
-    return Bilinear(p, u, a - d * x, x)
+    return Bilinear(*model_of(model).bilinear(columns, d[:, None], f0[:, None], f90[:, None], tied))

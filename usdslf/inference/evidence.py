@@ -21,7 +21,7 @@ from usdslf.inference.samples import LOBE_ROUGHNESS, Samples, _by_sixteen
 from usdslf.light_field.light_field import LightField
 from usdslf.sampling.hemisphere import SOLID_ANGLE, D, bin_directions
 from usdslf.strokes.stroke import Stroke
-from usdslf.surfaces.reflectance import gloss_levels, lobe_parameter
+from usdslf.surfaces.reflectance import gloss_levels, lobe_parameter, model_of
 from usdslf.surfaces.surface_points import SurfacePoints
 
 if TYPE_CHECKING:
@@ -118,7 +118,7 @@ def _columns(
     out_d = device.empty((s, j, 4, 3), np.float32)
     model = model or field.model
     parameters = lobe_parameter(model, levels).astype(np.float32)
-    kernel = device.kernel("evidence", "columns", LOBES=len(LOBE_ROUGHNESS), PHONG=int(model == "phong"))
+    kernel = device.kernel("evidence", "columns", LOBES=len(LOBE_ROUGHNESS), **model_of(model).constants)
     kernel(
         (j, s), None, device.upload(eye.astype(np.float32)), device.upload(light_row.astype(np.int32)), towards_d,
         device.upload(_by_sixteen(light)), device.upload(parameters), np.uint32(-(-light.shape[1] // 16)),
@@ -150,7 +150,7 @@ def _background(
 def unchanging_radiance(samples: Samples, field: LightField) -> NDArray[np.float64]:
     """Returns what clearcoat and emission send to the eye (S, 3): no parameter of ours changes it."""
     surface = samples.surface
-    if field.model == "phong" or not np.any(surface.clearcoat > 0):  # the paper's model has no coat
+    if not model_of(field.model).has_coat or not np.any(surface.clearcoat > 0):
         return surface.emission.astype(np.float64)
     columns = evaluate_columns(samples, field, surface.clearcoat_roughness[:, None].astype(np.float64))[:, 0]
     f0 = surface.coat_f0[:, None]

@@ -259,7 +259,7 @@ def hold_energy(t: Tables, dd: F64, df: F64, way: Way) -> tuple[F64, F64]:
     One free parameter is lowered alone, two are scaled alike; a grey k_s stays grey.  preview_surface cannot gain
     energy.  Source: Nguyen et al. 2013, 5.3.
     """
-    if not t.is_phong or not way.has_colors:
+    if not t.must_hold_energy or not way.has_colors:
         return dd, df
     k_d = t.diffuse * (1 + dd) if way.is_factor_diffuse else t.diffuse + dd
     k_s = t.f0 * (1 + df) if way.is_factor_f0 else t.f0 + df

@@ -24,7 +24,7 @@ from usdslf.inference.residuals import relative_scale
 from usdslf.light_field.light_field import LightField, Surface
 from usdslf.light_field.links import element_of, is_link
 from usdslf.scene.records import Scene
-from usdslf.surfaces.reflectance import column_weights, columns, is_metal, lobe_parameter
+from usdslf.surfaces.reflectance import column_weights, columns, is_metal, lobe_parameter, model_of
 
 if TYPE_CHECKING:
     from usdslf.inference.answers import Painted
@@ -205,32 +205,27 @@ def _uniform_parts(
     """The parts for a material of one colour: from its X, Y, A and B."""
     zero, one = np.zeros_like(d), np.ones_like(d)
     d_, f0_, f90_ = (x.mean(0).astype(np.float64) for x in (d, f0, f90))
-    phong = model == "phong"
+    has_fresnel = model_of(model).has_fresnel
     alone = lambda k: np.stack([one if i == k else zero for i in range(4)], 1)  # noqa: E731
     x = seen(alone(0), levels[-1])
-    y = np.zeros_like(x) if phong else seen(alone(1), levels[-1])
+    y = seen(alone(1), levels[-1]) if has_fresnel else np.zeros_like(x)
     a = np.stack([seen(alone(2), r) for r in levels], 1)
-    b = np.zeros_like(a) if phong else np.stack([seen(alone(3), r) for r in levels], 1)
-    if phong:
-        return _Parts((d_ * x)[:, None] + f0_ * a, x, a, 0 * x, d_ * x, 0 * x)
-    u = (1 - f0_) * x + (1 - f90_) * y
-    p = (d_ * u)[:, None] + f0_ * a + f90_ * b
-    if is_metal:
-        return _Parts(p, u, a + b - (d_ * (x + y))[:, None], x + y, d_ * u, d_ * (x + y))
-    return _Parts(p, u, a - (d_ * x)[:, None], x, d_ * u, d_ * x, a + b)
+    b = np.stack([seen(alone(3), r) for r in levels], 1) if has_fresnel else np.zeros_like(a)
+    all_columns = np.stack(np.broadcast_arrays(x[:, None], y[:, None], a, b), 2)  # (n, J, 4, 3)
+    p, u, v, w = model_of(model).bilinear(all_columns, d_, f0_, f90_, is_metal)
+    u, w = u[:, 0], w[:, 0]  # of the diffuse columns alone, the same at all levels
+    could_be_metal = has_fresnel and not is_metal
+    return _Parts(p, u, v, w, d_ * u, d_ * w, a + b if could_be_metal else None)
 
 
 def _varying_parts(
     seen: Seen, model: str, d: NDArray, f0: NDArray, f90: NDArray, levels: list[NDArray], is_metal: bool
 ) -> _Parts:
     """The same for a material whose colours vary over its elements."""
-    zero, one = np.zeros_like(d), np.ones_like(d)
-    phong = model == "phong"
-    tied = is_metal and not phong
-    of = lambda *c: np.stack(c, 1)  # noqa: E731
-    u_weights = of(one, zero, zero, zero) if phong else of(1 - f0, 1 - f90, zero, zero)
-    w_weights = of(zero, zero, zero, zero) if phong else of(one, one if tied else zero, zero, zero)
-    v_weights = of(zero if phong else -d, -d if tied else zero, one, one if tied else zero)
+    # the weights of the columns are bilinear in d and F0 as radiance is: their parts are those of unit columns
+    unit = np.broadcast_to(np.eye(4)[:, None, :, None], (4, len(d), 4, 3))
+    each = [model_of(model).bilinear(c, d, f0, f90, is_metal) for c in unit]
+    _, u_weights, v_weights, w_weights = (np.stack(x, 1).astype(d.dtype) for x in zip(*each, strict=True))
     own = levels[-1]
     p = np.stack([seen(column_weights(model, d, f0, f90), r) for r in levels], 1)
     v = np.stack([seen(v_weights, r) for r in levels], 1)

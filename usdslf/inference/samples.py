@@ -15,7 +15,7 @@ from usdslf.sampling.low_discrepancy import random_shifts, sobol_points
 from usdslf.scene.records import Scene
 from usdslf.strokes.anchors import locate_stroke, where_spilt
 from usdslf.strokes.stroke import Stroke, dab_rows
-from usdslf.surfaces.reflectance import lobe_parameter
+from usdslf.surfaces.reflectance import lobe_parameter, model_of
 from usdslf.surfaces.surface_points import SurfacePoints, evaluate_surface
 
 if TYPE_CHECKING:
@@ -165,7 +165,7 @@ def _trace(
     u = np.concatenate([sobol_points(0, int(c), random_shifts(s, rng)) for c in counts], 1).astype(np.float32)
     alphas = lobe_parameter("preview_surface", LOBE_ROUGHNESS).astype(np.float32)
     mixture = (device.upload(alphas), device.upload(counts.astype(np.float32)))
-    constants = {"LOBES": lobes, "PHONG": int(field.model == "phong")}
+    constants = {"LOBES": lobes, **model_of(field.model).constants}
     n = s * rays
     local_d, world_d = device.empty((s, rays, 3), np.float32), device.empty((s, rays, 3), np.float32)
     density_d = device.empty((s, rays), np.float32)

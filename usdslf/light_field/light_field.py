@@ -24,7 +24,7 @@ from usdslf.light_field.links import follow_links, link_rays
 from usdslf.light_field.preconvolution import LevelKernel, build_level, fresnel_diffuse
 from usdslf.light_field.visibility import Visibility
 from usdslf.sampling.hemisphere import D, bin_directions
-from usdslf.surfaces.reflectance import LEVEL_COUNT, column_weights, roughness_levels
+from usdslf.surfaces.reflectance import LEVEL_COUNT, column_weights, model_of, roughness_levels
 
 LANES = 16
 CHUNK_BLOCKS = 24  # blocks whose light stays in the caches of a CPU
@@ -126,7 +126,7 @@ class LightField:
             (everyone, low, np.concatenate([diffuse, lobe * (1 - share)[:, None]], 1)),
             (everyone, low + 1, np.concatenate([0 * diffuse, lobe * share[:, None]], 1)),
         ]
-        if np.any(s.clearcoat > 0) and self.model != "phong":  # the paper's model has no coat
+        if np.any(s.clearcoat > 0) and model_of(self.model).has_coat:
             coat = np.repeat(np.stack([s.clearcoat * s.coat_f0, s.clearcoat], 1), 3, axis=1)
             low, share = levels_of(s.clearcoat_roughness)
             rows += [

@@ -21,7 +21,7 @@ from usdslf import cache
 from usdslf.gpu.device import Device
 from usdslf.gpu.source import kernel_source
 from usdslf.sampling.hemisphere import SIDE, D, bin_directions
-from usdslf.surfaces.reflectance import directional_albedo, lobe_parameter
+from usdslf.surfaces.reflectance import directional_albedo, lobe_parameter, model_of
 
 COARSE_FROM = 0.45  # roughness from which 16 x 16 bins are enough
 KEPT_MASS = 0.93  # of each row of a sharp level
@@ -82,7 +82,7 @@ def integrate_rows(device: Device, model: str, roughness: float, rows: NDArray, 
     n = side * side
     matrices_d = [device.empty((len(rows), n), np.float32) for _ in range(3)]
     kernel = device.kernel(
-        "preconvolution", "exact_matrix", SIDE=side, COARSE=2, FINE=fine, PHONG=int(model == "phong")
+        "preconvolution", "exact_matrix", SIDE=side, COARSE=2, FINE=fine, **model_of(model).constants
     )
     near = np.cos(0.15 + 2 * float(lobe_parameter("preview_surface", roughness)))
     kernel(
@@ -136,7 +136,7 @@ def _keep_largest(a: NDArray, b: NDArray, albedo: NDArray) -> tuple[NDArray, NDA
 
 def fresnel_diffuse(device: Device, model: str) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     """What Fresnel's ramp takes from the diffuse reflection: the column Y (D / 4, D / 4), and its scale (D,)."""
-    if model == "phong":
+    if not model_of(model).has_fresnel:
         return np.zeros((COARSE_D, COARSE_D), np.float32), np.ones(D, np.float32)
 
     def compute() -> LevelKernel:

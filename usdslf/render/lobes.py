@@ -20,6 +20,7 @@ from usdslf.rays import RayTracer
 from usdslf.render.guide import SHARE, LightGuide
 from usdslf.render.wide_field import BLOCK
 from usdslf.scene.records import F32, I32
+from usdslf.surfaces.reflectance import model_of
 from usdslf.surfaces.surface_points import SurfacePoints
 
 GROUP = 64  # work items of a group
@@ -59,10 +60,13 @@ def shading_points(
     A shading normal that points away from the viewer is bent until it is seen just so, and the chance of each lobe
     is set by what it reflects.
     """
-    if model == "phong":
-        k_d = np.minimum(surface.diffuse, 1)
-        k_s = np.minimum(surface.f0, 1 - k_d)
-        surface = replace(surface, diffuse=k_d, f0=k_s, f90=0 * k_s, clearcoat=0 * surface.clearcoat)
+    reflectance = model_of(model)
+    d, f0 = reflectance.held(surface.diffuse, surface.f0)
+    surface = replace(surface, diffuse=d, f0=f0)
+    if not reflectance.has_fresnel:
+        surface = replace(surface, f90=0 * f0)
+    if not reflectance.has_coat:
+        surface = replace(surface, clearcoat=0 * surface.clearcoat)
     side = np.where(dot(surface.geometric_normal, view) < 0, np.float32(-1), np.float32(1))[:, None]
     geometric, normal = surface.geometric_normal * side, surface.normal * side
     facing = dot(normal, view)
@@ -113,7 +117,7 @@ class Lobes:
 
     def __init__(self, device: Device, guide: LightGuide, model: str = "preview_surface") -> None:
         self._device, self._guide = device, guide
-        constants = {"BLOCK": BLOCK, "PHONG": int(model == "phong")}
+        constants = {"BLOCK": BLOCK, **model_of(model).constants}
         self._sequence = device.kernel("lobes", "sequence_points", **constants)
         self._sample = device.kernel("lobes", "sample_lobes", **constants)
         self._evaluate = device.kernel("lobes", "evaluate_lobes", **constants)

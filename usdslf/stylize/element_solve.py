@@ -31,7 +31,7 @@ from usdslf.light_field.light_field import LANES, LightField, levels_of
 from usdslf.light_field.preconvolution import LevelKernel
 from usdslf.sampling.hemisphere import D
 from usdslf.scene.records import F64
-from usdslf.surfaces.reflectance import LEVEL_COUNT, are_metal, column_weights, gloss_levels
+from usdslf.surfaces.reflectance import LEVEL_COUNT, are_metal, column_weights, gloss_levels, model_of
 
 FACTORS = {"l2": (np.inf, np.inf, np.inf, 1.0), "l0": (1.0, 1.0, np.inf, np.inf), "mixed": (1.0, 1.0, 5.0, 25.0)}
 """Of a residual where none, one, two, three parameters change; the paper's weights are those of mixed."""
@@ -153,7 +153,7 @@ def joined(parts: Sequence[Found]) -> Found:
 def follows_f0(field: LightField) -> NDArray[np.bool_]:
     """Returns the elements (N,) whose F90 goes with F0: metals."""
     s = field.surface
-    return are_metal(s.diffuse, s.f0, s.f90) & (field.model != "phong")
+    return are_metal(s.diffuse, s.f0, s.f90) & model_of(field.model).has_fresnel
 
 
 class _Work:
@@ -172,7 +172,7 @@ class _Work:
         self.table_d = field.device.empty((blocks * LANES, OWN + 1, len(FITTED), 7), np.float32)
 
     def run(self, name: str, size: tuple[int, ...], *args: Any) -> None:
-        constants = {"PHONG": int(self.field.model == "phong"), "LEAST": int(self.least)}
+        constants = {**model_of(self.field.model).constants, "LEAST": int(self.least)}
         local = GROUPS.get(name, (64, 1))  # small ones, for few blocks are to keep all processors busy
         self.device.kernel("element_solve", name, **constants)(size, local, *args)
 
@@ -245,9 +245,7 @@ def _present(field: LightField, element: NDArray, hold: NDArray, is_grey_kept: b
     """What each element is and may become (n, 14), as element_solve.cl takes it."""
     s, e = field.surface, field.elements
     d, f0, f90 = (np.asarray(x[element], np.float32) for x in (s.diffuse, s.f0, s.f90))
-    if field.model == "phong":
-        d = np.minimum(d, 1)
-        f0 = np.minimum(f0, 1 - d)
+    d, f0 = model_of(field.model).held(d, f0)
     tied = follows_f0(field)[element]
     alike = is_grey_kept & (np.ptp(f0, axis=1) < 0.02) & ~tied
     solid = np.clip(e.opacity[element] / np.maximum(e.presence[element], 1e-6), 0, 1)

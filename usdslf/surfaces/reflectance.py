@@ -1,6 +1,7 @@
 """The reflectance models and their parameters; host twin of kernels/reflectance.cl.
 
-Both models are linear in their colour parameters at a fixed roughness:
+A model is a `Reflectance`; MODELS has them by name, and all that differs between them stands here and in the kernel.
+All are linear in their colour parameters at a fixed roughness:
 
     L_o = d [(1 - F0) X + (1 - F90) Y] + F0 A + F90 B
 
@@ -14,6 +15,8 @@ Source: Nguyen et al. 2013, 5.2; Walter et al. 2007; Heitz 2014; UsdPreviewSurfa
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
@@ -25,7 +28,6 @@ from usdslf.errors import InputError
 
 F64 = NDArray[np.float64]
 
-MODELS = ("preview_surface", "phong")
 LEVEL_COUNT = 20  # n_c of the paper
 MIN_ROUGHNESS = 0.001  # UsdPreviewSurface clamps there
 TIED, NO_DIFFUSE = 2e-3, 0.02  # of a metal: F90 is F0 as near as this, and the diffuse reflectance below that
@@ -90,18 +92,167 @@ def distinctness_of_gloss(roughness: ArrayLike) -> F64:
     return 1 - np.asarray(roughness, np.float64) ** 2
 
 
-def gloss_levels(model: str) -> F64:
-    """Returns the 20 roughness levels that glossiness is enumerated on, sharp ones first.
+class Reflectance(ABC):
+    """A reflectance model: how d, F0, F90 and roughness reflect light, at the points and for the fits."""
 
-    phong: even steps of distinctness from a mirror (roughness 0.05) to 0, which are even steps of perceived gloss, as
-    long as the contrast c stays: distance^2 = (change of c)^2 + (1.78 change of d)^2.
+    name: str
+    number: int  # MODEL of kernels/reflectance.cl
+    has_fresnel = True  # reflects more at grazing angles: the columns Y and B, and F90
+    has_coat = True  # may lie under a clear coat
+    is_authored = True  # is what a look layer shows: UsdPreviewSurface
 
-    Source: Nguyen et al. 2013, 5.3; Pellacini, Ferwerda and Greenberg 2000.
+    @property
+    def constants(self) -> dict[str, int]:
+        """Build constants of the kernels that include reflectance.cl."""
+        return {"MODEL": self.number}
+
+    def gloss_levels(self) -> F64:
+        """Returns the 20 roughness levels that glossiness is enumerated on, sharp ones first."""
+        return roughness_levels()
+
+    @abstractmethod
+    def lobe_parameter(self, roughness: ArrayLike) -> F64:
+        """Returns what the kernels take for the width of the lobe."""
+
+    @abstractmethod
+    def column_weights(self, diffuse: NDArray, f0: NDArray, f90: NDArray) -> NDArray:
+        """Returns the weights (n, 4, 3) of the columns X, Y, A, B for parameters (n, 3): L_o is their sum."""
+
+    def held(self, diffuse: NDArray, f0: NDArray) -> tuple[NDArray, NDArray]:
+        """Returns d and F0 (n, 3) as they reflect: lowered where both would reflect more than arrives."""
+        return diffuse, f0
+
+    @abstractmethod
+    def bilinear(self, columns: F64, d: F64, f0: F64, f90: F64, tied: bool) -> tuple[F64, F64, F64, F64]:
+        """Returns P, U, V, W (n, ..., 3) of L = P + dd U + dF V - dd dF W about the present parameters (n, ..., 3).
+
+        Args:
+            columns: (n, ..., 4, 3) of X, Y, A, B.
+            tied: F90 changes with F0, as in a metal of the metal workflow.
+        """
+
+    @abstractmethod
+    def columns(self, parameter: NDArray, eye: F64, light: F64) -> F64:
+        """Returns the integrands (..., 4) of X, Y, A, B for local unit directions (..., 3), see `columns`."""
+
+    @abstractmethod
+    def lobe_albedo(self, parameter: float, eye: F64) -> tuple[F64, F64]:
+        """Returns the columns A and B (n,), integrated over the light, for eye directions (n, 3)."""
+
+
+class PreviewSurface(Reflectance):
+    """UsdPreviewSurface: GGX, height-correlated Smith, Schlick's ramp, OpenUSD's diffuse balance."""
+
+    name, number = "preview_surface", 0
+
+    def lobe_parameter(self, roughness: ArrayLike) -> F64:
+        return np.maximum(np.asarray(roughness, np.float64), MIN_ROUGHNESS) ** 2
+
+    def column_weights(self, diffuse: NDArray, f0: NDArray, f90: NDArray) -> NDArray:
+        return np.stack([diffuse * (1 - f0), diffuse * (1 - f90), f0, f90], 1)
+
+    def bilinear(self, columns: F64, d: F64, f0: F64, f90: F64, tied: bool) -> tuple[F64, F64, F64, F64]:
+        x, y, a, b = (columns[..., k, :] for k in range(4))
+        p = d * ((1 - f0) * x + (1 - f90) * y) + f0 * a + f90 * b
+        u = (1 - f0) * x + (1 - f90) * y
+        if tied:
+            return p, u, a + b - d * (x + y), x + y
+        return p, u, a - d * x, x
+
+    def columns(self, parameter: NDArray, eye: F64, light: F64) -> F64:
+        nl, ne = np.maximum(light[..., 2], 0), np.maximum(eye[..., 2], 1e-4)
+        c = nl / np.pi
+        a2 = parameter**2
+        h = eye + light
+        h = h / np.maximum(np.linalg.norm(h, axis=-1, keepdims=True), 1e-12)
+        f = np.clip(1 - np.sum(eye * h, -1), 0, 1) ** 5
+        nh = np.clip(h[..., 2], 0, 1)
+        ggx = a2 / (np.pi * (nh * nh * a2 + (1 - nh) * (1 + nh)) ** 2)
+        dvc = ggx * _smith(a2, nl, ne) * nl
+        return np.stack([(1 - f) * c, f * c, (1 - f) * dvc, f * dvc], -1)
+
+    def lobe_albedo(self, parameter: float, eye: F64) -> tuple[F64, F64]:
+        u, phi, weight = _half_vectors()
+        # half vectors distributed as D (N.H)
+        ct2 = (1 - u) / (1 - u + parameter**2 * u)
+        h = _about_axis(np.sqrt(ct2), np.sqrt(1 - ct2), phi)
+        eh = np.einsum("nk,uvk->nuv", eye, h)
+        light_z = 2 * eh * h[..., 2] - eye[:, 2, None, None]
+        nl, ne = np.maximum(light_z, 0), np.maximum(eye[:, 2], 1e-4)[:, None, None]
+        smith = _smith(parameter**2, nl, ne)
+        value = np.where((eh > 0) & (light_z > 0), smith * nl * 4 * eh / h[..., 2], 0)
+        f = np.clip(1 - eh, 0, 1) ** 5
+        of = lambda share: np.einsum("nuv,uv->n", value * share, weight)  # noqa: E731
+        return of(1 - f), of(f)
+
+
+class Phong(Reflectance):
+    """The paper's model, normalized (Lafortune and Willems 1994): k_d = d, k_s = F0, no Fresnel ramp, no coat."""
+
+    name, number = "phong", 1
+    has_fresnel = has_coat = is_authored = False
+
+    def gloss_levels(self) -> F64:
+        """Even steps of distinctness from a mirror (roughness 0.05) to 0, which are even steps of perceived gloss.
+
+        As long as the contrast c stays, distance^2 = (change of c)^2 + (1.78 change of d)^2.
+
+        Source: Nguyen et al. 2013, 5.3; Pellacini, Ferwerda and Greenberg 2000.
+        """
+        return np.sqrt(1 - np.linspace(distinctness_of_gloss(roughness_levels()[0]), 0, LEVEL_COUNT))
+
+    def lobe_parameter(self, roughness: ArrayLike) -> F64:
+        return phong_exponent(roughness)
+
+    def column_weights(self, diffuse: NDArray, f0: NDArray, f90: NDArray) -> NDArray:
+        """phong keeps k_d and lowers k_s where both would reflect more than arrives."""
+        k_d, k_s = self.held(diffuse, f0)
+        return np.stack([k_d, 0 * k_d, k_s, 0 * k_d], 1)
+
+    def held(self, diffuse: NDArray, f0: NDArray) -> tuple[NDArray, NDArray]:
+        k_d = np.minimum(diffuse, 1)
+        return k_d, np.minimum(f0, 1 - k_d)
+
+    def bilinear(self, columns: F64, d: F64, f0: F64, f90: F64, tied: bool) -> tuple[F64, F64, F64, F64]:
+        x, _, a, _ = (columns[..., k, :] for k in range(4))
+        return d * x + f0 * a, x, a, np.zeros_like(x)
+
+    def columns(self, parameter: NDArray, eye: F64, light: F64) -> F64:
+        nl = np.maximum(light[..., 2], 0)
+        c = nl / np.pi
+        mirrored = eye[..., 2] * light[..., 2] - eye[..., 0] * light[..., 0] - eye[..., 1] * light[..., 1]
+        a = (parameter + 2) / (2 * np.pi) * np.maximum(mirrored, 0) ** parameter * nl
+        return np.stack([c, 0 * c, a, 0 * c], -1)
+
+    def lobe_albedo(self, parameter: float, eye: F64) -> tuple[F64, F64]:
+        u, phi, weight = _half_vectors()
+        # light about the mirror direction, cos^n distributed
+        n = parameter
+        ct = (1 - u) ** (1 / (n + 1))
+        local = _about_axis(ct, np.sqrt(1 - ct * ct), phi)
+        z = eye * [-1, -1, 1]
+        x = np.stack([z[:, 2], 0 * z[:, 0], -z[:, 0]], -1)
+        cosine = local[..., 0] * x[:, 2, None, None] + local[..., 2] * z[:, 2, None, None]
+        value = np.maximum(cosine, 0) * (n + 2) / (n + 1)
+        return np.einsum("nuv,uv->n", value, weight), np.zeros(len(eye))
+
+
+MODELS: Mapping[str, Reflectance] = {m.name: m for m in (PreviewSurface(), Phong())}
+
+
+def model_of(name: str) -> Reflectance:
+    """Returns the reflectance model of a name.
+
+    Raises: InputError where there is none.
     """
-    sharpest = roughness_levels()[0]
-    if model == "phong":
-        return np.sqrt(1 - np.linspace(distinctness_of_gloss(sharpest), 0, LEVEL_COUNT))
-    return roughness_levels()
+    if name not in MODELS:
+        raise InputError(f"unknown reflectance model '{name}'; choose one of {', '.join(MODELS)}")
+    return MODELS[name]
+
+
+def gloss_levels(model: str) -> F64:
+    """Returns the 20 roughness levels that a model's glossiness is enumerated on, sharp ones first."""
+    return model_of(model).gloss_levels()
 
 
 def phong_exponent(roughness: ArrayLike) -> F64:
@@ -116,22 +267,12 @@ def phong_exponent(roughness: ArrayLike) -> F64:
 
 def lobe_parameter(model: str, roughness: ArrayLike) -> F64:
     """Returns what the kernels take for the width of the lobe: alpha, or the Phong exponent."""
-    if model == "phong":
-        return phong_exponent(roughness)
-    if model == "preview_surface":
-        return np.maximum(np.asarray(roughness, np.float64), MIN_ROUGHNESS) ** 2
-    raise InputError(f"unknown reflectance model '{model}'; choose one of {', '.join(MODELS)}")
+    return model_of(model).lobe_parameter(roughness)
 
 
 def column_weights(model: str, diffuse: NDArray, f0: NDArray, f90: NDArray) -> NDArray:
-    """Returns the weights (n, 4, 3) of the columns X, Y, A, B for parameters (n, 3): L_o is their sum.
-
-    phong keeps k_d and lowers k_s where both would reflect more than arrives.
-    """
-    if model == "phong":
-        k_d = np.minimum(diffuse, 1)
-        return np.stack([k_d, 0 * k_d, np.minimum(f0, 1 - k_d), 0 * k_d], 1)
-    return np.stack([diffuse * (1 - f0), diffuse * (1 - f90), f0, f90], 1)
+    """Returns the weights (n, 4, 3) of the columns X, Y, A, B for parameters (n, 3): L_o is their sum."""
+    return model_of(model).column_weights(diffuse, f0, f90)
 
 
 def columns(model: str, parameter: ArrayLike, eye: NDArray, light: NDArray) -> F64:
@@ -145,24 +286,15 @@ def columns(model: str, parameter: ArrayLike, eye: NDArray, light: NDArray) -> F
     Returns: (..., 4) [1/sr], the cosine of the light included.
     """
     eye, light = np.broadcast_arrays(np.asarray(eye, np.float64), np.asarray(light, np.float64))
-    nl, ne = np.maximum(light[..., 2], 0), np.maximum(eye[..., 2], 1e-4)
-    c = nl / np.pi
-    if model == "phong":
-        n = np.asarray(parameter, np.float64)
-        mirrored = eye[..., 2] * light[..., 2] - eye[..., 0] * light[..., 0] - eye[..., 1] * light[..., 1]
-        a = (n + 2) / (2 * np.pi) * np.maximum(mirrored, 0) ** n * nl
-        return np.stack([c, 0 * c, a, 0 * c], -1)
-    a2 = np.asarray(parameter, np.float64) ** 2
-    h = eye + light
-    h = h / np.maximum(np.linalg.norm(h, axis=-1, keepdims=True), 1e-12)
-    f = np.clip(1 - np.sum(eye * h, -1), 0, 1) ** 5
-    nh = np.clip(h[..., 2], 0, 1)
-    ggx = a2 / (np.pi * (nh * nh * a2 + (1 - nh) * (1 + nh)) ** 2)
-    smith = 0.5 / np.maximum(
+    return model_of(model).columns(np.asarray(parameter, np.float64), eye, light)
+
+
+def _smith(a2: Any, nl: F64, ne: F64) -> F64:
+    """G / (4 N.L N.E) of a squared alpha, height-correlated.  Source: Heitz 2014, Eq. 99."""
+    visible: F64 = 0.5 / np.maximum(
         nl * np.sqrt(a2 + (1 - a2) * ne * ne) + ne * np.sqrt(a2 + (1 - a2) * nl * nl), 1e-9
     )
-    dvc = ggx * smith * nl
-    return np.stack([(1 - f) * c, f * c, (1 - f) * dvc, f * dvc], -1)
+    return visible
 
 
 @cache
@@ -171,6 +303,12 @@ def _half_vectors(count: int = 48) -> tuple[F64, F64, F64]:
     node, weight = np.polynomial.legendre.leggauss(count)
     u, phi = (node + 1) / 2, (node + 1) / 2 * np.pi
     return u, phi, np.outer(weight / 2, weight / 2)
+
+
+def _about_axis(cosine: F64, sine: F64, phi: F64) -> F64:
+    """Unit vectors (u, v, 3) at angles (u,) off the axis and phi (v,) about it."""
+    s, c = sine[:, None], cosine[:, None]
+    return np.stack(np.broadcast_arrays(s * np.cos(phi), s * np.sin(phi), c), -1)
 
 
 def directional_albedo(model: str, parameter: float, cosine: ArrayLike) -> F64:
@@ -186,34 +324,8 @@ def directional_albedo(model: str, parameter: float, cosine: ArrayLike) -> F64:
     eye = np.stack([np.sqrt(np.maximum(1 - mu * mu, 0)), 0 * mu, mu], -1)
     u, phi, weight = _half_vectors()
     # diffuse columns: cosine-distributed light
-    s, c = np.sqrt(u), np.sqrt(1 - u)
-    light = np.stack(np.broadcast_arrays(s[:, None] * np.cos(phi), s[:, None] * np.sin(phi), c[:, None]), -1)
+    light = _about_axis(np.sqrt(1 - u), np.sqrt(u), phi)
     value = columns(model, parameter, eye[:, None, None], light) / (light[..., 2] / np.pi)[..., None]
     out = np.einsum("nuvk,uv->nk", value, weight)
-    if model == "phong":
-        n = parameter  # light about the mirror direction, cos^n distributed
-        ct = (1 - u) ** (1 / (n + 1))
-        st = np.sqrt(1 - ct * ct)
-        local = np.stack(np.broadcast_arrays(st[:, None] * np.cos(phi), st[:, None] * np.sin(phi), ct[:, None]), -1)
-        z = eye * [-1, -1, 1]
-        x = np.stack([z[:, 2], 0 * mu, -z[:, 0]], -1)
-        cosine_l = local[..., 0] * x[:, 2, None, None] + local[..., 2] * z[:, 2, None, None]
-        out[:, 2] = np.einsum("nuv,uv->n", np.maximum(cosine_l, 0) * (n + 2) / (n + 1), weight)
-        out[:, 3] = 0
-        return out
-    # specular columns: half vectors distributed as D (N.H)
-    ct2 = (1 - u) / (1 - u + parameter**2 * u)
-    st, ct = np.sqrt(1 - ct2), np.sqrt(ct2)
-    h = np.stack(np.broadcast_arrays(st[:, None] * np.cos(phi), st[:, None] * np.sin(phi), ct[:, None]), -1)
-    eh = np.einsum("nk,uvk->nuv", eye, h)
-    light_z = 2 * eh * h[..., 2] - eye[:, 2, None, None]
-    nl, ne = np.maximum(light_z, 0), np.maximum(mu, 1e-4)[:, None, None]
-    a2 = parameter**2
-    smith = 0.5 / np.maximum(
-        nl * np.sqrt(a2 + (1 - a2) * ne * ne) + ne * np.sqrt(a2 + (1 - a2) * nl * nl), 1e-9
-    )
-    value_s = np.where((eh > 0) & (light_z > 0), smith * nl * 4 * eh / h[..., 2], 0)
-    f = np.clip(1 - eh, 0, 1) ** 5
-    out[:, 2] = np.einsum("nuv,uv->n", value_s * (1 - f), weight)
-    out[:, 3] = np.einsum("nuv,uv->n", value_s * f, weight)
+    out[:, 2], out[:, 3] = model_of(model).lobe_albedo(parameter, eye)
     return out
