@@ -6,7 +6,7 @@ before a panel that parallel light meets head on; nothing else shines.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -17,8 +17,9 @@ from pxr import UsdLux
 from reference.indirect import panel_columns
 
 import usdslf
+from usdslf.inference.candidate import Candidate
 from usdslf.inference.direct import gather_strokes
-from usdslf.inference.joint_fit import radiance_of
+from usdslf.inference.joint_fit import Change, radiance_of
 from usdslf.inference.receivers import Receiver, carried, make_receiver, receiver_tables, rows_in_sight
 
 FLOORS = {
@@ -108,8 +109,34 @@ def test_the_present_is_among_the_tables(seen: Seen) -> None:
     now = radiance_of(seen.receivers, field)
     np.testing.assert_allclose(tables.dabs.p[:, tables.own], now, rtol=1e-3)
     # a metal whose F0 is the wall's diffuse colour is brighter than one whose F0 is the dielectric's
-    assert as_metal is not None and (as_metal.v > 0).all()
-    assert (as_metal.p[:, as_metal.own] < now).all()
+    assert as_metal is not None and (as_metal.dabs.v > 0).all()
+    assert (as_metal.before < now).all()
+
+
+def test_a_factor_on_a_varying_f0_is_foreseen_too(seen: Seen) -> None:
+    """As of a textured metallic or specularColor: what is bright changes most, by a factor of all of it."""
+    field = seen.session.light_field
+    start, as_it_was_d = field.surface, field.outgoing_d.copy()
+    rows = np.flatnonzero(field.elements.material == seen.material)
+    varied = start.with_rows(rows, f0=np.random.default_rng(3).uniform(0.05, 0.6, (len(rows), 3)))
+    try:
+        field.set_surface(varied)
+        field.bounce()
+        before = radiance_of(seen.receivers, field)
+        field.outgoing_d = as_it_was_d.copy()
+        tables, _ = receiver_tables(seen.receivers, seen.material, varied, field)
+        field.set_surface(varied.with_rows(rows, f0=1.1 * varied.f0[rows]))
+        field.bounce()
+        change = radiance_of(seen.receivers, field) - before
+    finally:
+        field.set_surface(start)
+        field.outgoing_d = as_it_was_d
+    factor = Candidate(("specular",), delta_f0=np.full(3, 0.1), is_factor=True, level=tables.own)
+    assert tables.is_textured_f0 and np.abs(change).max() > 1e-5
+    np.testing.assert_allclose((factor.radiance(tables) - tables.before).sum(0), change.sum(0), rtol=0.02)
+    low, high = Change.of(seen.material, replace(factor, freedoms=3), tables).bounds
+    np.testing.assert_allclose(tables.f0 * (1 + low), 0, atol=1e-9)
+    np.testing.assert_allclose(tables.f0 * (1 + high), 1, rtol=1e-6)
 
 
 RECEIVERS = {

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from usdslf.inference.bilinear import Tables
 from usdslf.inference.candidate import Candidate, is_grey
-from usdslf.inference.fit import whiten
+from usdslf.inference.fit import bounds_of, whiten
 from usdslf.inference.least_squares import bounded_least_squares
 from usdslf.inference.receivers import F64, Receiver, carried, present_radiance, rows_in_sight
 from usdslf.inference.residuals import relative_scale
@@ -81,8 +81,8 @@ class Change:
         """Lowest and highest values of the vector."""
         d, f0, c = self.diffuse, self.f0, self.candidate
         limits = {
-            "diffuse": (-np.ones(3), 1 / np.maximum(d, 1e-3) - 1) if c.is_factor else (-d, 1 - d),
-            "specular": (-f0, 1 - f0),
+            "diffuse": bounds_of(d, c.is_factor_diffuse),
+            "specular": bounds_of(f0, c.is_factor_f0),
             "glossiness": (np.array([0.01 - self.roughness]), np.array([1 - self.roughness])),
         }
         low, high = [], []
@@ -267,10 +267,11 @@ def _columns(changes: Sequence[Change], receivers: list[Receiver], start: Surfac
                 up, down = np.clip(rough + PROBE, 0.001, 1), np.clip(rough - PROBE, 0.001, 1)
                 out.append((seen(weights, up) - seen(weights, down)) / float((up - down).mean()))
                 continue
-            unit = start.diffuse[rows] if name == "diffuse" and c.candidate.is_factor else np.ones_like(d)
             if name == "diffuse":
+                unit = start.diffuse[rows] if c.candidate.is_factor_diffuse else np.ones_like(d)
                 moved = column_weights(field.model, d + unit, f0, f90)
             else:
+                unit = start.f0[rows] if c.candidate.is_factor_f0 else np.ones_like(d)
                 follows = c.is_metal or c.candidate.is_metallic
                 moved = column_weights(field.model, d, f0 + unit, f90 + unit if follows else f90)
             column = seen(moved - weights, rough)

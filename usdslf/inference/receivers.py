@@ -164,7 +164,7 @@ def receiver_tables(
         dabs=dabs,
         factor_u=spread(found.factor_u),
         factor_w=spread(found.factor_w),
-        factor_v=np.zeros_like(dabs.v),
+        factor_v=found.factor_v,
         background=Bilinear.empty(j),
         background_scale=np.zeros((0, 3)),
         elsewhere=Bilinear.empty(j),
@@ -175,20 +175,21 @@ def receiver_tables(
         roughness=mean_rough,
         is_metal=metal,
         is_textured=bool(d.std(0).max() > TEXTURED),
+        is_textured_f0=bool(f0.std(0).max() > TEXTURED),
     )
     if found.metal_v is None:
         return tables, None
     nothing = np.zeros_like(dabs.u)
     as_metal = replace(
         tables, dabs=Bilinear(base[:, None] + tables.f0 * found.metal_v, nothing, found.metal_v, nothing),
-        factor_u=nothing, factor_w=nothing, diffuse=np.zeros(3), is_metal=True,
+        factor_u=nothing, factor_w=nothing, factor_v=nothing, is_textured_f0=False, diffuse=np.zeros(3), is_metal=True,
     )  # fmt: skip
     return tables, as_metal
 
 
 @dataclass(frozen=True)
 class _Parts:
-    """What the dabs (n) see of a material: P and V at J levels, U, W and those of a factor on d at the own one."""
+    """What the dabs (n) see of a material: P and V at J levels, U, W and those of a factor at the own one."""
 
     p: F64  # (n, J, 3)
     u: F64  # (n, 3)
@@ -196,6 +197,7 @@ class _Parts:
     w: F64  # (n, 3)
     factor_u: F64  # (n, 3)
     factor_w: F64  # (n, 3)
+    factor_v: F64  # (n, J, 3) of a factor on F0
     metal_v: F64 | None = None  # (n, J, 3) V of the metal that the material might become
 
 
@@ -215,7 +217,7 @@ def _uniform_parts(
     p, u, v, w = model_of(model).bilinear(all_columns, d_, f0_, f90_, is_metal)
     u, w = u[:, 0], w[:, 0]  # of the diffuse columns alone, the same at all levels
     could_be_metal = has_fresnel and not is_metal
-    return _Parts(p, u, v, w, d_ * u, d_ * w, a + b if could_be_metal else None)
+    return _Parts(p, u, v, w, d_ * u, d_ * w, f0_ * v, a + b if could_be_metal else None)
 
 
 def _varying_parts(
@@ -230,4 +232,7 @@ def _varying_parts(
     p = np.stack([seen(column_weights(model, d, f0, f90), r) for r in levels], 1)
     v = np.stack([seen(v_weights, r) for r in levels], 1)
     factor_u, factor_w = (seen(x * d[:, None], own) for x in (u_weights, w_weights))
-    return _Parts(p, seen(u_weights, own), v, seen(w_weights, own), factor_u, factor_w)
+    factor_v = np.zeros_like(v)
+    if f0.std(0).max() > TEXTURED:
+        factor_v = np.stack([seen(v_weights * f0[:, None], r) for r in levels], 1)
+    return _Parts(p, seen(u_weights, own), v, seen(w_weights, own), factor_u, factor_w, factor_v)
