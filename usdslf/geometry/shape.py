@@ -166,7 +166,9 @@ def place(shape: Shape, world_from_object: F64) -> tuple[F32, I32, F32, NDArray[
     The last is which triangles still have an area (T,).
     """
     linear = world_from_object[:3, :3]
-    positions = shape.positions @ linear.T + world_from_object[:3, 3]
+    with np.errstate(over="ignore", invalid="ignore"):  # what is too far away for a float has no area
+        positions = shape.positions @ linear.T + world_from_object[:3, 3]
+        corners = positions.astype(np.float32)
     # Normals go with the cofactors: the inverse transposed times the determinant, finite for flat scales.
     cofactors = np.stack([cross(linear[(i + 1) % 3], linear[(i + 2) % 3]) for i in range(3)])
     mirrored = np.linalg.det(linear) < 0
@@ -174,15 +176,14 @@ def place(shape: Shape, world_from_object: F64) -> tuple[F32, I32, F32, NDArray[
     triangles = shape.triangles
     if mirrored:
         triangles, normals = triangles[:, [0, 2, 1]], normals[:, [0, 2, 1]]
-    corners = positions.astype(np.float32)
     return corners, triangles, normals.astype(np.float32), has_area(corners[triangles].astype(np.float64))
 
 
 def has_area(p: F64) -> NDArray[np.bool_]:
     """Whether triangles (T, 3, 3) are finite and higher than a ten millionth of their longest edge."""
-    a, b = p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]
-    n = cross(a, b)
     with np.errstate(invalid="ignore", over="ignore"):
+        a, b = p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]
+        n = cross(a, b)
         longest = np.maximum(np.maximum(_square(a), _square(b)), _square(a - b))
         return np.asarray(_square(n) > (1e-7 * longest) ** 2)
 

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from usdslf.rays import RayTracer
 
 SPACING = 0.5  # of the brush radius, between neighbouring points of a painted curve
+MOST_POINTS = 1_000_000  # of one path; more is a brush, or an aspect of the camera, that cannot be meant
 GAP = 3.0  # a step that is this many times the expected one is a jump to another surface: the pen is lifted
 
 
@@ -184,6 +185,8 @@ def _resample(path: ArrayLike, step: float, aspect: float) -> F64:
     along = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(at, axis=0) * [aspect, 1], axis=1))])
     if along[-1] == 0:
         return at[:1]
+    if not along[-1] / step < MOST_POINTS:
+        raise StrokeError(f"the path has more than {MOST_POINTS} points: use a wider brush or another camera")
     s = np.linspace(0, along[-1], int(np.ceil(along[-1] / step - 1e-9)) + 1)
     return np.stack([np.interp(s, along, at[:, 0]), np.interp(s, along, at[:, 1])], -1)
 

@@ -7,11 +7,14 @@ goes when the process ends (in $TMPDIR; a killed process leaves it).
 from __future__ import annotations
 
 import atexit
+import io
 import os
+import re
 import shutil
 import tempfile
 import threading
 import zipfile
+import zlib
 from collections.abc import Iterator
 from functools import lru_cache
 from pathlib import Path
@@ -29,7 +32,7 @@ _BAND = 4 * TILE  # rows
 def stamp_of(path: str) -> tuple[int, int]:
     """Time of last change and size, so that a changed file is read again; zeros where there is none."""
     try:
-        status = os.stat(path.partition("[")[0] if path.endswith("]") else path)
+        status = os.stat(split_package(path)[0])
     except OSError:
         return 0, 0
     return status.st_mtime_ns, status.st_size
@@ -37,10 +40,32 @@ def stamp_of(path: str) -> tuple[int, int]:
 
 def file_of(path: str) -> str:
     """Returns a file on disk that holds an image, which may lie inside a package."""
-    if path.endswith("]") and ".usdz[" in path:
-        package, _, inner = path[:-1].rpartition("[")
-        return _unpacked(package, inner, stamp_of(path))
-    return path
+    package, *inner = split_package(path)
+    return _unpacked(package, tuple(inner), stamp_of(path)) if inner else path
+
+
+def split_package(path: str) -> list[str]:
+    """Returns the file on disk, then what lies inside of what: one name where a path leads into no package.
+
+    As USD's resolver writes them: a.usdz[b.usdz[c.png]], with a backslash before brackets that belong to names.
+    """
+    found = []
+    while inner := _bracketed(path):
+        found.append(path[: -len(inner) - 2])
+        path = inner
+    found.append(path)
+    return [found[0], *(re.sub(r"\\([\[\]])", r"\1", name) for name in found[1:])]
+
+
+def _bracketed(path: str) -> str:
+    """What stands between the last bracket of a path and the one that it closes, "" where it ends in none."""
+    depth = 0
+    for i in range(len(path) - 1, -1, -1):
+        if path[i] in "[]" and path[i - 1 : i] != "\\":
+            depth += 1 if path[i] == "]" else -1
+        if depth <= 0:
+            return path[i + 1 : -1] if path[i] == "[" and i else ""
+    return ""
 
 
 def open_image(path: str) -> oiio.ImageInput:
@@ -174,13 +199,16 @@ def _remove_folder() -> None:
 
 
 @lru_cache(maxsize=256)
-def _unpacked(package: str, inner: str, stamp: tuple[int, int]) -> str:
-    """Returns a file that holds what lies inside a .usdz package."""
-    try:
-        with zipfile.ZipFile(package) as archive:
-            data = archive.read(inner)
-    except (KeyError, zipfile.BadZipFile) as e:
-        raise OSError(f"{inner} is not in {package}: {e}") from None
-    target = Path(tempfile.mkdtemp(dir=folder())) / Path(inner).name
+def _unpacked(package: str, inner: tuple[str, ...], stamp: tuple[int, int]) -> str:
+    """Returns a file that holds what lies inside a .usdz package, or in one inside of that, and so on."""
+    source: str | io.BytesIO = package
+    for name in inner:
+        try:
+            with zipfile.ZipFile(source) as archive:
+                data = archive.read(name)
+        except (KeyError, ValueError, RuntimeError, EOFError, zlib.error, zipfile.BadZipFile) as e:
+            raise OSError(f"{name} cannot be taken out of {package}: {e}") from None
+        source = io.BytesIO(data)
+    target = Path(tempfile.mkdtemp(dir=folder())) / Path(inner[-1]).name
     target.write_bytes(data)
     return str(target)

@@ -9,6 +9,7 @@ stroke.  What people added to the layer by hand is kept.
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -139,7 +140,22 @@ def _array(prim: Usd.Prim, name: str, width: int, dtype: type = np.float32) -> N
     shape = (-1, width) if width > 1 else (-1,)
     if value is None:
         return np.zeros((0, width) if width > 1 else 0, dtype)
-    return np.array(value, dtype).reshape(shape)
+    try:
+        return np.array(value, dtype).reshape(shape)
+    except (TypeError, ValueError, OverflowError):
+        raise StrokeError(_no_number(prim, name)) from None
+
+
+def _number(prim: Usd.Prim, name: str, fallback: float) -> float:
+    value = _value(prim, name)
+    try:
+        return fallback if value is None else float(value)
+    except (TypeError, ValueError):
+        raise StrokeError(_no_number(prim, name)) from None
+
+
+def _no_number(prim: Usd.Prim, name: str) -> str:
+    return f"stroke {prim.GetPath()} has {name} that is no number of its kind: paint it again or remove it"
 
 
 def _read_stroke(prim: Usd.Prim, said: list[str]) -> Stroke:
@@ -161,7 +177,10 @@ def _read_stroke(prim: Usd.Prim, said: list[str]) -> Stroke:
         return _one_per_point(path, name, _array(prim, name, width), counts)
 
     world = np.array(UsdGeom.Xformable(prim).ComputeLocalToWorldTransform(Usd.TimeCode.Default()))
-    origin = np.array(_value(prim, ORIGIN) or (0.0, 0.0, 0.0), np.float64)
+    origin = _array(prim, ORIGIN, 3, np.float64)
+    origin = origin[0] if len(origin) else np.zeros(3)
+    if not (np.isfinite(world).all() and np.isfinite(origin).all()):
+        raise StrokeError(f"stroke {path} has a transform that is not finite: paint it again or remove it")
     scale = abs(np.linalg.det(world[:3, :3])) ** (1 / 3)
     anchors: dict[str, Any] = {"surface_index": _array(prim, "slf:surfaceIndex", 1, np.int32)}
     anchors["face"] = _array(prim, "slf:face", 1, np.int32)
@@ -183,8 +202,8 @@ def _read_stroke(prim: Usd.Prim, said: list[str]) -> Stroke:
         color = color[indices]
     tokens: dict[str, Any] = {f: _value(prim, name) for name, f in _TOKENS.items()}
     tokens = {f: str(value) for f, value in tokens.items() if value is not None}
-    strength, frame = _value(prim, "slf:strength"), _value(prim, "slf:timeCode")
-    offset = _value(prim, "slf:cloneOffset") or (0.0, 0.0, 0.0)
+    offset = _array(prim, "slf:cloneOffset", 3, np.float64)
+    offset = offset[0] if len(offset) else np.zeros(3)
     return Stroke(
         name=prim.GetName(),
         points=(points @ world[:3, :3] + (world[3, :3] - origin)).astype(np.float32),
@@ -193,9 +212,9 @@ def _read_stroke(prim: Usd.Prim, said: list[str]) -> Stroke:
         eye=rows("slf:eye", 3),
         normals=normals if len(normals) == n else np.zeros((0, 3), np.float32),
         curve_counts=counts,
-        strength=1.0 if strength is None else float(strength),
+        strength=_number(prim, "slf:strength", 1.0),
         surfaces=surfaces,
-        frame=float("nan") if frame is None else float(frame),
+        frame=_number(prim, "slf:timeCode", math.nan),
         choice=str(_value(prim, "slf:choice") or ""),
         clone_offset=(float(offset[0]), float(offset[1]), float(offset[2])),
         active=prim.IsActive(),

@@ -15,6 +15,7 @@ from pxr import Usd, UsdGeom
 
 from usdslf.geometry.shape import REFINED_FACES_MAX, Shape, build_shape, fingerprint, place
 from usdslf.scene.records import F32, F64, I32, Mesh
+from usdslf.usd.binding import bound_material
 from usdslf.usd.notes import Notes
 from usdslf.usd.read.implicit import SIZES, read_implicit
 from usdslf.usd.read.origin import HERE, Origin, moved_to
@@ -241,13 +242,22 @@ def _materials(
     if not binding:
         return np.full(len(face), material_index(prim, given), np.int32), None, ()
     count = int(face.max(initial=0)) + 1
-    of_face = np.full(count, -1, np.int32)
-    for i, subset in enumerate(binding):
+    faces_of = []
+    for subset in binding:
         indices = np.asarray(subset.GetIndicesAttr().Get(time) or [], np.int64)
         if len(indices) and indices.min() < 0:
             notes.add("the GeomSubset {} has negative indices; they are passed over", subset.GetPath())
-        indices = indices[(indices >= 0) & (indices < count)]
-        of_face[indices[of_face[indices] < 0]] = i  # the first subset wins where they overlap
+        faces_of.append(np.unique(indices[(indices >= 0) & (indices < count)]))
+    order = list(range(len(binding)))
+    if np.bincount(np.concatenate(faces_of), minlength=1).max() > 1:
+        # Where subsets overlap the first one wins, but for those that bind nothing of their own.
+        shown, whole = [bound_material(s.GetPrim()).GetPath() for s in binding], bound_material(prim).GetPath()
+        order.sort(key=lambda i: shown[i] == whole)
+        say = "GeomSubsets of {} overlap: a face shows the first one that binds a material of its own"
+        notes.add(say, prim.GetPath())
+    of_face = np.full(count, -1, np.int32)
+    for i in reversed(order):
+        of_face[faces_of[i]] = i
     subset_of = of_face[face]
     # The gprim's own material is asked for only where it shows.
     table = [material_index(s.GetPrim(), given) for s in binding]
