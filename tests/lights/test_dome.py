@@ -8,6 +8,7 @@ import pytest
 from reference import lights as ref
 
 from usdslf.color import USD_DEFAULT_SPACE
+from usdslf.lights import dome as dome_module
 from usdslf.lights.dome import Dome, square_of, table_index
 from usdslf.sampling.hemisphere import SOLID_ANGLE, D, bin_directions
 from usdslf.scene.records import Light, LightTexture
@@ -258,3 +259,27 @@ def test_broken_pixels_are_black_and_constants_are_exact() -> None:
     np.testing.assert_array_equal(dome_of(None).radiance(SPHERE[:9], SOLID_ANGLE), np.ones((9, 3)))
     assert dome_of(None).radiance(np.zeros((0, 3))).shape == (0, 3)
     assert len(bin_directions()) == D
+
+
+@pytest.mark.parametrize("shape", [(96, 192), (90, 180), (64, 128), (97, 193)])
+def test_blocks_of_a_large_picture_hold_its_light(shape: tuple[int, int]) -> None:
+    pixels = np.random.default_rng(3).random((*shape, 3)).astype(np.float32) ** 4
+    small = dome_module.reduced(pixels, 16)
+    assert 16 <= len(small) <= len(pixels) and small.shape[1] == small.shape[0] * shape[1] / shape[0]
+
+    def flux(picture: np.ndarray) -> np.ndarray:
+        edge = np.sin(np.pi * (0.5 - np.arange(len(picture) + 1) / len(picture)))
+        return (picture.mean(1) * -np.diff(edge)[:, None]).sum(0) * 2 * np.pi
+
+    np.testing.assert_allclose(flux(small), flux(pixels), rtol=2e-4)
+
+
+def test_the_filtered_map_of_a_large_picture_is_that_of_all_its_pixels(monkeypatch: pytest.MonkeyPatch) -> None:
+    pixels = noise_picture(256)
+    directions = np.random.default_rng(1).normal(size=(400, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    light = Light("/sky", "dome", (1.0, 1.0, 1.0), np.eye(4))
+    full = Dome(light, pixels).radiance(directions, 2 * np.pi / 16)
+    monkeypatch.setattr(dome_module, "BIN_ROWS", 64)
+    assert len(dome_module.reduced(pixels, 64)) == 64
+    np.testing.assert_allclose(Dome(light, pixels).radiance(directions, 2 * np.pi / 16), full, rtol=0.01)

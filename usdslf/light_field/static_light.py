@@ -127,7 +127,8 @@ def _sources(lights: Sequence[Light | Dome]) -> tuple[list[tuple[Light, Dome]], 
         if not any(light.radiance) or light.diffuse == light.specular == 0:
             continue
         if light.kind == "dome":
-            smooth, peaks = (entry if isinstance(entry, Dome) else Dome.from_light(light)).without_peaks()
+            dome = entry if isinstance(entry, Dome) else Dome.from_light(light, for_bins=True)
+            smooth, peaks = dome.without_peaks()
             domes.append((light, smooth))
             if peaks is not None:
                 drawn.append(_source_of_peaks(light, peaks))

@@ -12,9 +12,11 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from usdslf.lights.large_picture import reduced, shining
 from usdslf.scene.records import F32, F64, Light
 from usdslf.textures.images import load_light_texture
 
+BIN_ROWS = 1024  # of a picture that is only read filtered: fifteen to a texel of the map for the bins
 TABLE_ROWS = 512  # of the pixels that directions are drawn by
 FILTER_TEXELS = 0.8  # side of the solid angle asked for, in texels of the filtered map: see `Dome.radiance`
 LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # of the working space's linear Rec. 709, only for importance
@@ -37,7 +39,7 @@ class Dome:
         self.light = light
         white = np.ones((1, 1, 3), np.float32)
         image = white if pixels is None else np.asarray(pixels, np.float32)[..., :3]
-        image = np.where(np.isfinite(image), np.maximum(image, 0), 0)
+        image = shining(image)
         self.pixels: F32 = np.ascontiguousarray(image * np.asarray(light.radiance, np.float32), np.float32)
         u, _, vt = np.linalg.svd(np.asarray(light.world_from_light, np.float64)[:3, :3])
         self.world_from_light: F64 = u @ vt  # the rotation (or reflection) next to the matrix
@@ -46,13 +48,18 @@ class Dome:
         self._build_table()
 
     @classmethod
-    def from_light(cls, light: Light) -> Dome:
+    def from_light(cls, light: Light, for_bins: bool = False) -> Dome:
         """Loads the texture of a dome light, if it has one.
+
+        Args:
+            light: of kind dome.
+            for_bins: of a large picture keep what the bins of a hemisphere can use: `BIN_ROWS` rows or a few more.
 
         Raises:
             InputError: the texture cannot be read.
         """
-        return cls(light, load_light_texture(light.texture) if light.texture else None)
+        pixels = load_light_texture(light.texture) if light.texture else None
+        return cls(light, reduced(shining(pixels), BIN_ROWS) if for_bins and pixels is not None else pixels)
 
     # ── radiance ─────────────────────────────────────────────────────────────────────────────────
 
@@ -94,16 +101,17 @@ class Dome:
 
     def _splat(self, rows: int) -> F32:
         """Spreads the pixels over a map (rows, rows, 3), each with its solid angle, by tents."""
-        height, width = self.pixels.shape[:2]
+        pixels = reduced(self.pixels, max(BIN_ROWS, 8 * rows))
+        height, width = pixels.shape[:2]
         k = max(1, int(np.ceil(np.sqrt(24 * rows * rows / (height * width)))))  # parts of a pixel, each way
         block = max(1, (1 << 19) // (width * k * k))  # rows of pixels at a time
         total = np.zeros((4, (rows + 2) ** 2))
         for first in range(0, height, block):
             r = np.arange(first * k, min(first + block, height) * k)
             local, weight = _latlong_cells(r, height * k, width * k)
-            value = self.pixels[np.arange(first, min(first + block, height))]
+            value = pixels[np.arange(first, min(first + block, height))]
             if k > 1:
-                value = _bilinear_latlong(self.pixels, local)
+                value = _bilinear_latlong(pixels, local)
             value = value.reshape(-1, 3)
             corner, share = _tent(square_of(local), rows)
             for dy, dx in ((0, 0), (0, 1), (1, 0), (1, 1)):
