@@ -21,12 +21,14 @@ from usdslf.animation.frames import Placed, carry
 from usdslf.animation.revealed import DarkProbes, probe_dark
 from usdslf.color import Color, color_of
 from usdslf.edits.edits import MaterialChange
+from usdslf.edits.read_back import why_missing
 from usdslf.elements.elements import Elements, refresh_reflectance, sample_elements
 from usdslf.elements.lookup import ElementLookup
-from usdslf.errors import InputError, SolveError, StageError, StrokeError
+from usdslf.errors import AuthorError, InputError, SolveError, StageError, StrokeError
 from usdslf.gpu.device import Device, open_device
 from usdslf.inference.answer_residuals import residual_as_preview, residual_as_written
 from usdslf.inference.answers import Answer, Painted, Pool
+from usdslf.inference.asked import asked_of
 from usdslf.inference.changes import changes_of, with_varying
 from usdslf.inference.direct import gather_strokes, infer_changes
 from usdslf.inference.indirect import infer_indirect
@@ -58,6 +60,7 @@ from usdslf.stylize.unsharp_mask import (
 )
 from usdslf.surfaces.reflectance import model_of
 from usdslf.usd.author.author import author_look, author_review_root, check_look_place
+from usdslf.usd.author.read_back import kept_unless_whole, scene_under
 from usdslf.usd.border import quiet_usd
 from usdslf.usd.edited import open_edited
 from usdslf.usd.layer.baked_files import textures_folder
@@ -463,11 +466,12 @@ class Session:
         if not model_of(self.model).is_authored:
             self._warn_of_phong()
         check_look_place(self.shot, path)
-        with self._step("author"):
+        with self._step("author"), kept_unless_whole(path):
             self.edits = author_look(
                 self.shot, self._with_textures(self.changes(mode), path, color), path, provenance, strokes_path,
-                warnings=self.warnings, color=color, mode=mode, made=self.made,
+                warnings=self.warnings, color=color, mode=mode, made=self.made, frame=scene.frame,
             )  # fmt: skip
+            self._require_shown(path)
             if review_root is not None:
                 author_review_root(review_root, path, strokes_path, self.shot.GetRootLayer().realPath)
         for edit in self.edits:
@@ -485,6 +489,17 @@ class Session:
             )
         self.stylized = self.stylized.without(worse) if self.stylized else None
         return self.author(path, strokes_path, review_root, mode)
+
+    def _require_shown(self, look: str | os.PathLike[str]) -> None:
+        """Reads the look back at what was painted; what it does not show is said, or refused where nothing hides it."""
+        asked = asked_of(self.answers, self._painted, self.scene)
+        if not asked:
+            return
+        missing = why_missing(asked, self.scene, scene_under(self.shot, look, self.frame, self.refine, self.ocio))
+        if missing and all(e.wins for e in self.edits):
+            self.edits = []
+            raise AuthorError(f"{missing[0]}; nothing is written to {look}: solve with --scope prim or --mode new")
+        self.warn(*missing)
 
     def _measure_written(self, look: str | os.PathLike[str]) -> None:
         """Looks at what a look shows where textures or points hold a change: they do only so well."""

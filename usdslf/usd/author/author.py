@@ -8,24 +8,26 @@
 
 `edits` are MaterialChanges (edits.py).  Scope `material` overrides the material in place.  Scopes `prim` and
 `stroke` make a new Material that inherits the original, unless the painted prims are all that show it.  A
-mode (change_writer.py) says otherwise for all of them.
+mode (material_writer.py) says otherwise for all of them.
 What each change writes: change_writer.py.  What people added to an earlier look stays: kept.py.
 """
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
 from pxr import Sdf, Usd, UsdShade, Vt
 
 from usdslf.edits.edits import MaterialChange, material_change_to_input_edits
 from usdslf.errors import AuthorError, StageError
-from usdslf.usd.author.change_writer import MODES, ChangeWriter
+from usdslf.usd.author.change_writer import ChangeWriter
+from usdslf.usd.author.material_writer import MODES
 from usdslf.usd.binding import bound_relationship, named_material, preview_surface, render_contexts
 from usdslf.usd.border import reading
 from usdslf.usd.files import check_layer_place, relative_path, write_layer
@@ -44,6 +46,15 @@ if TYPE_CHECKING:
     from usdslf.color import Color
 
 
+class How(TypedDict, total=False):
+    """How a look is written."""
+
+    color: Color | None  # its working space is that of the edits; None: taken as the space of the inputs
+    mode: str  # "" | override | new | class: which prims take the edits, see material_writer.py
+    made: PreviewMaterials | None  # new materials that the edits may be of; those that are edited go into the look
+    frame: float  # at which the edits were solved: what is animated is taken as it is there; nan: default time
+
+
 def author_look(
     stage: Usd.Stage,
     edits: Sequence[MaterialChange],
@@ -53,9 +64,7 @@ def author_look(
     shot_path: str | os.PathLike[str] | None = None,
     *,
     warnings: list[str] | None = None,
-    color: Color | None = None,
-    mode: str = "",
-    made: PreviewMaterials | None = None,
+    **how: Unpack[How],
 ) -> list[AuthoredEdit]:
     """Writes the edits as a look layer, and finds out whether each of them wins.
 
@@ -66,34 +75,28 @@ def author_look(
         provenance: what goes to customLayerData.usdslf besides shot, strokes and their hashes.
         strokes_path, shot_path: files; recorded relative to the look layer.
         warnings: takes a sentence for each thing that is odd.
-        color: its working space is that of the edits; None: taken as the space of the inputs.
-        mode: "" | override | new | class: which prims take the edits, see change_writer.py.
-        made: new materials that the edits may be of; those that are edited go into the look.
+        how: the colour, mode, new materials and frame of the edits.
 
     Raises:
         AuthorError: an edit cannot be written, or the file cannot.
     """
     said = warnings if warnings is not None else []
+    out = Path(out_path)
     with reading(f"{shot_path or stage.GetRootLayer().realPath} with {out_path}", AuthorError, "solve into a new file"):
-        return _author(stage, edits, Path(out_path), provenance, strokes_path, shot_path, said, color, mode, made)
+        data = layer_data(stage, out, provenance, strokes_path, shot_path)
+        return _author(stage, edits, out, data, said, how)
 
 
 def _author(
-    stage: Usd.Stage,
-    edits: Sequence[MaterialChange],
-    out: Path,
-    provenance: Mapping[str, Any] | None,
-    strokes_path: str | os.PathLike[str] | None,
-    shot_path: str | os.PathLike[str] | None,
-    said: list[str],
-    color: Color | None,
-    mode: str,
-    made: PreviewMaterials | None,
-) -> list[AuthoredEdit]:
+    stage: Usd.Stage, edits: Sequence[MaterialChange], out: Path, data: dict[str, Any], said: list[str], how: How
+) -> list[AuthoredEdit]:  # fmt: skip
+    mode, made, color = how.get("mode", ""), how.get("made"), how.get("color")
     assert mode in ("", *MODES), mode
     earlier = _earlier_look(stage, out)
     by_hand = added_by_hand(earlier) if earlier else Sdf.Layer.CreateAnonymous(".usda")
-    look = LookLayer(compose_over(stage, made.layer) if made else stage, by_hand)
+    frame = how.get("frame", math.nan)
+    time = Usd.TimeCode.Default() if math.isnan(frame) else Usd.TimeCode(frame)
+    look = LookLayer(compose_over(stage, made.layer) if made else stage, by_hand, time)
     written: list[AuthoredEdit] = []
     bindings: dict[int, list[tuple[Sdf.Path, Sdf.Path]]] = {}
     for change in edits:
@@ -114,7 +117,6 @@ def _author(
         if name := default_prim_name(stage):
             Sdf.CreatePrimInLayer(look.layer, f"/{name}")
             look.layer.defaultPrim = name
-        data = layer_data(stage, out, provenance, strokes_path, shot_path)
         data[RECORD] = Vt.StringArray(record_of(look.layer))
         look.layer.customLayerData = {"usdslf": data}
     layer, lost = put_under(by_hand, look.layer)

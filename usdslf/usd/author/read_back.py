@@ -16,8 +16,9 @@ from pxr import Sdf, Usd
 from usdslf.errors import AuthorError
 from usdslf.replacing import replacing
 from usdslf.scene.records import Scene
+from usdslf.usd.border import quiet_usd
 from usdslf.usd.layer.wins import compose_over
-from usdslf.usd.read.read import quiet_usd, read_scene
+from usdslf.usd.read.read import read_scene
 
 
 def scene_under(

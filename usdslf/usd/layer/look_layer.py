@@ -24,15 +24,24 @@ from usdslf.errors import AuthorError
 from usdslf.usd.arcs import Variants, in_variants, variants_of
 from usdslf.usd.binding import bound_relationship, preview_surface
 
+SCOPE = "SlfMaterials"  # beside an edited Material, for those that a look makes
 _FAMILY = "subsetFamily:materialBind:familyType"
 
 
 class LookLayer:
     """Opinions on the prims of a shot, in a layer that is in no stage yet."""
 
-    def __init__(self, stage: Usd.Stage, by_hand: Sdf.Layer | None = None) -> None:
-        """By hand: opinions that will be in the layer too, whose prims are not to be met by chance."""
+    def __init__(
+        self, stage: Usd.Stage, by_hand: Sdf.Layer | None = None, time: Usd.TimeCode | None = None
+    ) -> None:  # fmt: skip
+        """Opinions on a stage.
+
+        Args:
+            by_hand: opinions that will be in the layer too, whose prims are not to be met by chance.
+            time: at which values of the shot are taken; None: default time.
+        """
         self.stage, self.by_hand = stage, by_hand
+        self.time = Usd.TimeCode.Default() if time is None else time
         self.layer = Sdf.Layer.CreateAnonymous(".usda")
         self.variants: dict[tuple[Sdf.Path, str, str], Sdf.Path] = {}  # that were written in: a prim there
         self._defined: set[Sdf.Path] = set()
@@ -143,7 +152,7 @@ class LookLayer:
         new, earlier = [], list(self._painted.get(mesh.GetPath(), ()))
         taken = np.zeros(0, np.int64)
         for old in UsdShade.MaterialBindingAPI(mesh).GetMaterialBindSubsets():
-            indices = np.asarray(old.GetIndicesAttr().Get() or [], np.int64)
+            indices = np.asarray(old.GetIndicesAttr().Get(self.time) or [], np.int64)
             taken = np.union1d(taken, indices)
             inside = np.isin(indices, faces)
             if bound_relationship(old.GetPrim())[0] != material or not inside.any():

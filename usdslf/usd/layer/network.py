@@ -1,9 +1,10 @@
 """What an input of a UsdPreviewSurface is driven by, and the opinions that change it there.
 
 input_place(shader, name) -> (attribute or None, path, other inputs that it drives)
-map_texture(stage, shader, edit) -> (opinions on scale and bias, path for a copy of the node or none)
-map_fallback(shader, edit, copied) -> opinion on the fallback, where no file is to be read
-map_primvar(shader, edit) -> (reader's varname, its fallback)
+path_of_copy(stage, shader, edit) -> path                     of a node of its own, where others show its texture too
+map_texture(shader, edit, copied, time) -> opinions on scale and bias
+map_fallback(shader, edit, copied, time) -> opinion on the fallback, where no file is to be read
+map_primvar(shader, edit, time) -> (reader's varname, its fallback)
 """
 
 from __future__ import annotations
@@ -91,19 +92,21 @@ def driving_prim(shader: UsdShade.Shader, name: str) -> Usd.Prim:
     return found[0].GetPrim()
 
 
-def map_texture(stage: Usd.Stage, shader: UsdShade.Shader, edit: InputEdit) -> tuple[list[Opinion], Sdf.Path]:
+def map_texture(shader: UsdShade.Shader, edit: InputEdit, copied: Sdf.Path, time: Usd.TimeCode) -> list[Opinion]:
     """Composes an affine map of an input with the scale and bias of the UsdUVTexture that drives it.
 
-    Returns the opinions on both, and, where another input reads the same channels of the node, the path of
-    the copy of the node that they are for, else the empty path.
+    Returns the opinions on both.
+
+    Args:
+        copied: where the node has a copy that they are for, else empty.
+        time: at which the values of before are taken.
     """
     texture = UsdShade.Shader(driving_prim(shader, edit.input))
     channels = [_CHANNELS.index(c) for c in edit.channels]
-    copied = path_of_copy(stage, shader, edit)
     values = {}
     for name, fallback in (("scale", (1.0,) * 4), ("bias", (0.0,) * 4)):
         attribute, path, _ = input_place(texture, name)
-        value = attribute.Get() if attribute is not None and not UsdShade.Output.IsOutput(attribute) else None
+        value = attribute.Get(time) if attribute is not None and not UsdShade.Output.IsOutput(attribute) else None
         if not copied.isEmpty:
             path = copied.AppendProperty(f"inputs:{name}")
         values[name] = (path, Gf.Vec4f(*(fallback if value is None else value)))
@@ -111,14 +114,14 @@ def map_texture(stage: Usd.Stage, shader: UsdShade.Shader, edit: InputEdit) -> t
     scale, bias = Gf.Vec4f(values["scale"][1]), Gf.Vec4f(values["bias"][1])
     for channel, s, b in zip(channels, edit.scale, edit.bias):
         scale[channel], bias[channel] = scale[channel] * s, bias[channel] * s + b
-    return [(*values["scale"], scale), (*values["bias"], bias)], copied
+    return [(*values["scale"], scale), (*values["bias"], bias)]
 
 
-def map_fallback(shader: UsdShade.Shader, edit: InputEdit, copied: Sdf.Path) -> Opinion:
+def map_fallback(shader: UsdShade.Shader, edit: InputEdit, copied: Sdf.Path, time: Usd.TimeCode) -> Opinion:
     """Returns the opinion on the fallback of the UsdUVTexture that drives an input, or of its copy."""
     texture = UsdShade.Shader(driving_prim(shader, edit.input))
     attribute, path, _ = input_place(texture, "fallback")
-    value = attribute.Get() if attribute is not None and not UsdShade.Output.IsOutput(attribute) else None
+    value = attribute.Get(time) if attribute is not None and not UsdShade.Output.IsOutput(attribute) else None
     before = Gf.Vec4f(0, 0, 0, 1) if value is None else Gf.Vec4f(value)
     after = Gf.Vec4f(before)
     for channel, wanted in zip(edit.channels, np.ravel(edit.after)):
@@ -126,13 +129,14 @@ def map_fallback(shader: UsdShade.Shader, edit: InputEdit, copied: Sdf.Path) -> 
     return (path if copied.isEmpty else copied.AppendProperty("inputs:fallback")), before, after
 
 
-def path_of_copy(stage: Usd.Stage, shader: UsdShade.Shader, edit: InputEdit) -> Sdf.Path:
+def path_of_copy(stage: Usd.Stage, shader: UsdShade.Shader, edit: InputEdit, is_foreign: bool = False) -> Sdf.Path:
     """Returns where a texture node of its own for an input goes; empty where it needs none.
 
-    It needs one where another input reads the same channels of the node.
+    It needs one where another input reads the same channels of the node, or where that is foreign: another
+    material shows it too, or it stands in none.
     """
     texture = driving_prim(shader, edit.input)
-    if not _is_shared(stage, shader, edit, texture.GetPath()):
+    if not is_foreign and not _is_shared(stage, shader, edit, texture.GetPath()):
         return Sdf.Path.emptyPath
     return new_node_path(shader, f"slf_{texture.GetName()}_{edit.input}")
 
@@ -160,7 +164,7 @@ def _is_shared(stage: Usd.Stage, shader: UsdShade.Shader, edit: InputEdit, textu
 
 
 def map_primvar(
-    shader: UsdShade.Shader, edit: InputEdit
+    shader: UsdShade.Shader, edit: InputEdit, time: Usd.TimeCode
 ) -> tuple[tuple[Sdf.Path, Sdf.ValueTypeName, Any], tuple[Sdf.Path, Sdf.ValueTypeName, Any, Any]]:
     """Finds the UsdPrimvarReader of an input.
 
@@ -169,12 +173,12 @@ def map_primvar(
     reader = UsdShade.Shader(driving_prim(shader, edit.input))
     attribute, path, _ = input_place(reader, "varname")
     kind = attribute.GetTypeName() if attribute is not None else Sdf.ValueTypeNames.String
-    varname = (path, kind, attribute.Get() if attribute is not None else None)
+    varname = (path, kind, attribute.Get(time) if attribute is not None else None)
     attribute, path, _ = input_place(reader, "fallback")
     size = len(edit.scale)
     default = Sdf.ValueTypeNames.Float3 if size == 3 else Sdf.ValueTypeNames.Float
     kind = attribute.GetTypeName() if attribute is not None else default
-    before = attribute.Get() if attribute is not None else None
+    before = attribute.Get(time) if attribute is not None else None
     if before is None:
         before = as_attribute((0.0,) * size if size > 1 else 0.0, kind)
     mapped = np.ravel(np.asarray(before, np.float64)) * edit.scale + edit.bias

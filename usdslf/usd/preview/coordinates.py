@@ -12,14 +12,23 @@ UsdPreviewSurface specification (scale, then rotation, then translation), PxrMan
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from pxr import Usd, UsdShade
 
-if TYPE_CHECKING:
-    from usdslf.usd.preview.driven import DrivenReader
+from usdslf.usd.notes import Notes
+
+
+class InputReader(Protocol):
+    """Reads inputs that only make sense as numbers or as words."""
+
+    notes: Notes
+
+    def number(self, shader: UsdShade.Shader, name: str, default: Sequence[float]) -> tuple[float, ...]: ...
+    def text(self, shader: UsdShade.Shader, name: str, default: str = "") -> str: ...
+
 
 Affine = tuple[tuple[float, ...], ...]  # (3, 3) rows, acts on columns (s, t, 1)
 AS_IT_IS: Affine = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
@@ -76,7 +85,7 @@ def as_transform_2d(st: Affine) -> tuple[tuple[float, float], float, tuple[float
     return (sx, sy), float(np.degrees(turn)), (float(m[0, 2]), float(m[1, 2]))
 
 
-def coordinates_of(reader: DrivenReader, shader: UsdShade.Shader, name: str, depth: int = 0) -> tuple[str, Affine]:
+def coordinates_of(reader: InputReader, shader: UsdShade.Shader, name: str, depth: int = 0) -> tuple[str, Affine]:
     """Returns the primvar and the transform of the coordinates that an image is given; st where it is given none."""
     output = producer(shader, name)
     if output is None:
@@ -102,14 +111,14 @@ def coordinates_of(reader: DrivenReader, shader: UsdShade.Shader, name: str, dep
     return "st", AS_IT_IS
 
 
-def _primvar(reader: DrivenReader, node: UsdShade.Shader, category: str) -> str:
+def _primvar(reader: InputReader, node: UsdShade.Shader, category: str) -> str:
     if category == "texcoord":
         index = int(reader.number(node, "index", (0,))[0])
         return f"st{index}" if index else "st"
     return reader.text(node, "geomprop" if category == "geompropvalue" else "varname") or "st"
 
 
-def _placed(reader: DrivenReader, node: UsdShade.Shader, category: str, inside: object) -> tuple[str, Affine]:
+def _placed(reader: InputReader, node: UsdShade.Shader, category: str, inside: object) -> tuple[str, Affine]:
     of = lambda name, default: reader.number(node, name, default)  # noqa: E731
     one, nothing = (1.0, 1.0), (0.0, 0.0)
     if category == "UsdTransform2d":
@@ -139,7 +148,7 @@ def _placed(reader: DrivenReader, node: UsdShade.Shader, category: str, inside: 
 
 
 def _stepped(
-    reader: DrivenReader, node: UsdShade.Shader, category: str, inside: object
+    reader: InputReader, node: UsdShade.Shader, category: str, inside: object
 ) -> tuple[str, Affine] | None:
     """Coordinates times or plus numbers; None where both operands are driven."""
     driven = [_is_driven(producer(node, port)) for port in _STEPS[category]]

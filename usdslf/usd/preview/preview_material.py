@@ -23,10 +23,9 @@ import numpy as np
 from pxr import Sdf, Usd, UsdGeom, UsdShade
 
 from usdslf.color import USD_DEFAULT_SPACE, Color, color_of
-from usdslf.usd.author.change_writer import SCOPE
 from usdslf.usd.binding import bound_material, gprims_of, named_material, parts_of, preview_surface
 from usdslf.usd.border import quiet_usd
-from usdslf.usd.layer.look_layer import LookLayer
+from usdslf.usd.layer.look_layer import SCOPE, LookLayer
 from usdslf.usd.notes import Notes
 from usdslf.usd.preview.driven import Driven, constant
 from usdslf.usd.preview.preview_look import Look, look_of
