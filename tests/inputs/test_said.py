@@ -42,3 +42,8 @@ def test_a_look_that_finds_nothing(inputs: Path, tmp_path: Path, run: Callable) 
     assert code == 0 and "/World/m" not in err
     code, _, err = run("render", shots / "B.usda", *to)
     assert code == 0 and "/World/m" in err and "look.usda" in err, err
+
+
+def test_shaders_of_other_renderers_by_name(inputs: Path) -> None:
+    said = " ".join(read_scene(inputs / "weak/realitykit_mdl.usda").warnings)
+    assert "ND_realitykit_pbr_surfaceshader" in said and "OmniPBR" in said

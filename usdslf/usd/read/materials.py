@@ -195,8 +195,11 @@ class MaterialTable:
 def _what_it_has(material: UsdShade.Material) -> str:
     """Returns what gives the surface of a material without UsdPreviewSurface."""
     shader = material.ComputeSurfaceSource()[0]
-    kind = str(shader.GetShaderId() or shader.GetPath()) if shader else ""
-    return ", ".join([*render_contexts(material), *([kind] if kind else [])]) or "no surface output"
+    kinds = [str(shader.GetShaderId() or shader.GetPath())] if shader else []
+    for context in render_contexts(material):
+        found = material.ComputeSurfaceSource(context)[0]
+        kinds.append(str(found.GetShaderId() or found.GetSourceAssetSubIdentifier(context) or "") if found else "")
+    return ", ".join(dict.fromkeys(filter(None, [*render_contexts(material), *kinds]))) or "no surface output"
 
 
 class _Network:
