@@ -221,9 +221,9 @@ def _stamp(path: str) -> tuple[int, int]:
     return status.st_mtime_ns, status.st_size
 
 
-LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
+LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # weights of linear Rec. 709, for importance and comparison only
 
 
 def luminance(color: NDArray) -> NDArray[np.float32]:
     """Returns the luminance of (..., 3) linear colours."""
-    return np.asarray(color, np.float32) @ LUMINANCE
+    return np.asarray(color, np.float32) @ LUMINANCE.astype(np.float32)

@@ -18,6 +18,7 @@ from scipy.spatial import cKDTree
 from usdslf.elements.reachability import CANDIDATE_ROUNDS, PROBE_ROUNDS, find_reached_points, share_of_reached
 from usdslf.errors import StageError
 from usdslf.sampling.blue_noise import choose_blue_noise, surface_coordinates
+from usdslf.sampling.frames import tangents
 from usdslf.scene.records import F32, I32, Scene
 from usdslf.surfaces.surface_points import SurfacePoints, evaluate_surface
 
@@ -213,11 +214,8 @@ def turned_frames(normal: NDArray, angle: NDArray) -> F32:
 
     Source: Duff et al. 2017, Building an orthonormal basis, revisited.
     """
-    x, y, z = np.moveaxis(np.asarray(normal, np.float64), -1, 0)
-    s = np.copysign(1.0, z)
-    a = -1 / (s + z)
-    t = np.stack([1 + s * x * x * a, s * x * y * a, -s * x], -1)
-    b = np.stack([x * y * a, s + y * y * a, -y], -1)
+    n = np.asarray(normal, np.float64).T
+    t, b = (v.T for v in tangents(n, np.copysign(1.0, n[2])))
     c, d = np.cos(angle)[:, None], np.sin(angle)[:, None]
     return np.stack([c * t + d * b, c * b - d * t, np.asarray(normal, np.float64)], 1).astype(np.float32)
 

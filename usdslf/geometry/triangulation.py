@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdslf.geometry.normals import cross
+from usdslf.sampling.frames import tangents
 from usdslf.scene.records import F64
 
 I64 = NDArray[np.int64]
@@ -70,12 +71,7 @@ def _flatten(p: F64) -> F64:
     normal = cross(p, np.roll(p, -1, axis=1)).sum(1)
     length = np.linalg.norm(normal, axis=1, keepdims=True)
     normal = np.where(length > 0, normal / np.where(length > 0, length, 1), [0.0, 0.0, 1.0])
-    # Duff et al. 2017, Building an Orthonormal Basis, Revisited.
-    sign = np.where(normal[:, 2] >= 0, 1.0, -1.0)
-    a = -1 / (sign + normal[:, 2])
-    b = normal[:, 0] * normal[:, 1] * a
-    x = np.stack([1 + sign * normal[:, 0] ** 2 * a, sign * b, -sign * normal[:, 0]], axis=1)
-    y = np.stack([b, sign + normal[:, 1] ** 2 * a, -normal[:, 1]], axis=1)
+    x, y = (np.ascontiguousarray(v.T) for v in tangents(normal.T))
     return np.stack([np.einsum("mni,mi->mn", p, x), np.einsum("mni,mi->mn", p, y)], axis=2)
 
 

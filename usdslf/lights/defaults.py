@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from usdslf.lights import shapes
 from usdslf.lights.sources import EmissiveSurfaces, SurfaceEmission
+from usdslf.sampling.frames import tangents
 from usdslf.scene.records import Light, Scene
 
 KEY_IRRADIANCE = 2.0  # of the default key light on a surface that faces it
@@ -32,7 +32,7 @@ def default_lights(scene: Scene) -> tuple[tuple[Light, ...], str]:
     towards /= np.linalg.norm(towards)
     key_frame = np.eye(4)
     key_frame[:3, 2] = towards
-    s, t = shapes.frame_of(towards[:, None])
+    s, t = tangents(towards[:, None])
     key_frame[:3, 0], key_frame[:3, 1] = s[:, 0], t[:, 0]
     level = KEY_IRRADIANCE / (np.pi * np.sin(KEY_ANGLE / 2) ** 2)
     key = Light("", "distant", (level,) * 3, key_frame, angle=KEY_ANGLE)

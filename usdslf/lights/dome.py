@@ -12,6 +12,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from usdslf.color import LUMINANCE
 from usdslf.lights.large_picture import reduced, shining
 from usdslf.scene.records import F32, F64, Light
 from usdslf.textures.images import load_light_texture
@@ -19,7 +20,6 @@ from usdslf.textures.images import load_light_texture
 BIN_ROWS = 1024  # of a picture that is only read filtered: fifteen to a texel of the map for the bins
 TABLE_ROWS = 512  # of the pixels that directions are drawn by
 FILTER_TEXELS = 0.8  # side of the solid angle asked for, in texels of the filtered map: see `Dome.radiance`
-LUMINANCE = np.array([0.2126, 0.7152, 0.0722])  # of the working space's linear Rec. 709, only for importance
 
 
 class Dome:

@@ -17,6 +17,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from usdslf.sampling.frames import tangents
+
 F64 = NDArray[np.float64]
 Bool = NDArray[np.bool_]
 
@@ -42,22 +44,12 @@ def concentric_disk(u: F64) -> tuple[F64, F64]:
     return r * np.cos(phi), r * np.sin(phi)
 
 
-def frame_of(n: F64) -> tuple[F64, F64]:
-    """Returns two unit vectors (3, n) that complete unit vectors (3, n).  Source: Duff et al. 2017."""
-    sign = np.where(n[2] >= 0, 1.0, -1.0)
-    a = -1 / (sign + n[2])
-    b = n[0] * n[1] * a
-    return np.stack([1 + sign * n[0] ** 2 * a, sign * b, -sign * n[0]]), np.stack(
-        [b, sign + n[1] ** 2 * a, -n[1]]
-    )
-
-
 def sample_cone(axis: F64, one_minus_cos: F64 | float, u: F64) -> F64:
     """Draws directions (3, n) uniform in solid angle from cones around `axis` (3, n)."""
     k = u[:, 0] * one_minus_cos  # 1 - cos of the angle off the axis
     sin = np.sqrt(np.maximum(k * (2 - k), 0))
     phi = 2 * np.pi * u[:, 1]
-    s, t = frame_of(axis)
+    s, t = tangents(axis)
     return s * (sin * np.cos(phi)) + t * (sin * np.sin(phi)) + axis * (1 - k)
 
 

@@ -34,7 +34,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from pxr import Sdf, Usd, UsdShade
 
-from usdslf.color import Color
+from usdslf.color import LUMINANCE, Color
 from usdslf.usd.notes import Notes
 from usdslf.usd.preview.coordinates import as_transform_2d, producer
 from usdslf.usd.preview.driven import (
@@ -54,7 +54,6 @@ from usdslf.usd.preview.surface_models import CONTEXTS, MODELS, Model
 Look = dict[str, Driven]  # input of a UsdPreviewSurface -> what drives it; words and switches as numbers
 MODES = ("transparent", "presence")  # opacityMode, by its number
 ONE, NOTHING = constant(1.0), constant(0.0)
-_LUMINANCE = (0.2126, 0.7152, 0.0722)
 _MOST_F0 = 0.98
 _COLORS = {"diffuseColor": (0.18,) * 3, "specularColor": (0.0,) * 3, "emissiveColor": (0.0,) * 3}
 # What UsdPreviewSurface has where nothing is said.
@@ -226,7 +225,7 @@ class _Translation:
         f0 = times(constant(most, most, most), self.role("specular_weight"))
         if not _is(amount := self.role("specular_tint"), 0):
             tint = np.array(base.best_number)
-            tint = tint / max(float(tint @ _LUMINANCE), 1e-6)
+            tint = tint / max(float(tint @ LUMINANCE), 1e-6)
             tinted = self._try("specularTint", mix, constant(1.0, 1.0, 1.0), constant(*tint), amount)
             f0 = self._try("specularTint", times, f0, tinted)
         layers = _Layers(base, self.role("metalness"), f0, base, self.role("roughness"))
