@@ -1,0 +1,205 @@
+"""Progress: what long steps say of themselves, who hears it, and how they are cancelled.
+
+    with step("light", seconds): ...         names what is done now, and takes its time
+    tell(share)                              called between blocks, deep inside: how much of the step is done
+    with hearing(hear): ...                  whoever listens; what it raises ends the work at that block
+    stepwise(work) -> Generator[Progress]    a function as a generator, which `close` cancels
+    run(steps, say) -> what they return      a generator to its end
+
+The listener is a context variable, so that a block says how far it is without every function between it and the
+listener passing a callback on, and so that work on other threads has listeners of its own.  The other way, deep steps
+that are generators themselves, would make a generator of each function above a loop, and could not work on several
+threads.  `stepwise` is a listener too: the work runs on one thread of its own, which stands still at each `tell` until
+the generator is asked for more.  Nothing is done that was not asked for, and `close` ends it where it stands.
+
+Work that is cancelled leaves nothing half changed where it only makes new values, as all steps do, and writes files
+beside their place.  Files are written and renamed within `undisturbed`, where nothing is cancelled.
+"""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable, Generator, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar, copy_context
+from dataclasses import dataclass
+from queue import SimpleQueue
+from typing import TypeVar
+
+Result = TypeVar("Result")
+
+
+@dataclass(frozen=True)
+class Progress:
+    """How far a step is."""
+
+    step: str  # "visibility"
+    share: float  # of it that is done, 0..1; it never falls
+
+
+Hear = Callable[[Progress], None]
+Say = Callable[[str, float], None]
+"""Told the name of a step and how much of it is done, 0..1.  What it raises ends the work, `Cancelled` best of all."""
+
+
+class Cancelled(BaseException):
+    """Work was cancelled.  No `Exception`, so that nothing takes it for a failure that it can mend."""
+
+
+class _Step:
+    """A step that is being done."""
+
+    def __init__(self, name: str) -> None:
+        self.name, self.share, self.inner = name, 0.0, 0.0
+
+
+_heard_by: ContextVar[Hear | None] = ContextVar("heard_by", default=None)
+_now: ContextVar[_Step | None] = ContextVar("step", default=None)
+_quiet: ContextVar[bool] = ContextVar("undisturbed", default=False)
+_interrupted = threading.Event()  # by Ctrl-C, within what is undisturbed
+
+
+def tell(share: float | None = None) -> None:
+    """Says that a block is done: the place where work can be cancelled.
+
+    Args:
+        share: of the step of now that is done, 0..1; None: a block whose share of it is not known.
+
+    Raises: what the listener raises.
+    """
+    if _quiet.get():
+        return
+    if _interrupted.is_set() and threading.current_thread() is threading.main_thread():
+        raise KeyboardInterrupt
+    hear = _heard_by.get()
+    if hear is None:
+        return
+    now = _now.get() or _Step("")
+    if share is not None:
+        now.share = min(max(now.share, share), 1.0)
+    hear(Progress(now.name, now.share))
+
+
+@contextmanager
+def step(name: str, seconds: dict[str, float] | None = None) -> Iterator[None]:
+    """Names what is done now; tells its beginning and its end.
+
+    Args:
+        seconds: by step; takes the time of this one, less that of steps within it, if it comes to its end.
+    """
+    outer, mine = _now.get(), _Step(name)
+    token = _now.set(mine)
+    began = time.perf_counter()
+    try:
+        tell(0.0)
+        yield
+        tell(1.0)
+    finally:
+        _now.reset(token)
+        spent = time.perf_counter() - began
+        if outer is not None:
+            outer.inner += spent
+    if seconds is not None:
+        seconds[name] = seconds.get(name, 0.0) + spent - mine.inner
+
+
+@contextmanager
+def hearing(hear: Hear) -> Iterator[None]:
+    """Makes a listener hear what is told within, on this thread."""
+    token = _heard_by.set(hear)
+    try:
+        yield
+    finally:
+        _heard_by.reset(token)
+
+
+@contextmanager
+def undisturbed() -> Iterator[None]:
+    """Lets nothing be cancelled within: what writes a file and renames it, or deletes some that belong together."""
+    token = _quiet.set(True)
+    try:
+        yield
+    finally:
+        _quiet.reset(token)
+    tell()
+
+
+def interrupt(*_: object) -> None:
+    """Takes a SIGINT on the main thread: ends its work here, or where it next may be disturbed.
+
+    Raises: KeyboardInterrupt.
+    """
+    _interrupted.set()
+    if not _quiet.get():
+        raise KeyboardInterrupt
+
+
+def forget_interrupt() -> None:
+    """Forgets an interrupt, before the next work."""
+    _interrupted.clear()
+
+
+def stepwise(work: Callable[[], Result]) -> Generator[Progress, None, Result]:
+    """Makes a generator of work that tells how far it is; it returns what the work returns, and raises what it raises.
+
+    `close` cancels the work: `Cancelled` is raised where it stands.
+    """
+    told: SimpleQueue[Progress | None] = SimpleQueue()
+    go_on, closed = threading.Semaphore(0), threading.Event()
+    results: list[Result] = []
+    errors: list[BaseException] = []
+
+    def hear(progress: Progress) -> None:
+        if not closed.is_set():
+            told.put(progress)
+            go_on.acquire()
+        if closed.is_set():
+            raise Cancelled
+
+    def work_through() -> None:
+        try:
+            with hearing(hear):
+                results.append(work())
+        except BaseException as error:
+            errors.append(error)
+        told.put(None)
+
+    thread = threading.Thread(target=copy_context().run, args=(work_through,), name="usdslf-steps", daemon=True)
+    thread.start()
+    try:
+        while (progress := told.get()) is not None:
+            yield progress
+            go_on.release()
+    finally:
+        closed.set()
+        go_on.release()
+        thread.join()
+    if errors:
+        error = errors.pop()  # which holds this frame: no circle
+        raise error
+    return results.pop()
+
+
+def run(steps: Generator[Progress, None, Result], say: Say | None = None) -> Result:
+    """Runs a generator of steps to its end, and returns what it returns.
+
+    Args:
+        say: told each; what it raises closes the generator and is raised here.
+    """
+    try:
+        while True:
+            progress = next(steps)
+            if say is not None:
+                say(progress.step, progress.share)
+    except StopIteration as end:
+        found: Result = end.value
+        return found
+    finally:
+        steps.close()
+
+
+def wait_for(lock: threading._RLock) -> None:
+    """Acquires a lock, telling that it waits meanwhile."""
+    while not lock.acquire(timeout=0.05):
+        tell()

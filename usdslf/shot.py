@@ -1,0 +1,320 @@
+"""Shot: a shot at a frame as it is, and what is computed from it once.
+
+    stage -> Scene -> RayTracer, lights -> Elements, lookup -> Visibility -> fixed light -> LightField
+
+A Shot never changes.  What it has is made when it is first asked for, once, on whichever thread asks; others wait.
+Work that is cancelled leaves what was made before it.  Another state of the same shot (`edited`, `reopened`,
+`at_frame`) shares what is equal there.
+"""
+
+from __future__ import annotations
+
+import os
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import Any, Generic, TypeVar, overload
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usdslf.animation.frames import Afresh, Placed, carry, is_same_light
+from usdslf.animation.revealed import DarkProbes, probe_dark
+from usdslf.elements.elements import ElementLookup, Elements, refresh_reflectance, sample_elements
+from usdslf.errors import InputError, StageError
+from usdslf.gpu.device import Device, open_device
+from usdslf.light_field.light_field import LightField, require_memory
+from usdslf.light_field.static_light import static_light
+from usdslf.light_field.visibility import Visibility, trace_visibility
+from usdslf.lights.defaults import lights_or_default
+from usdslf.lights.sources import LightSet
+from usdslf.progress import step, tell, wait_for
+from usdslf.rays import RayTracer
+from usdslf.render.overview_camera import overview_camera
+from usdslf.scene.difference import find_moved, why_not_comparable
+from usdslf.scene.records import Camera, Light, Scene
+from usdslf.surfaces.reflectance import MODELS
+from usdslf.usd.edited import open_edited
+from usdslf.usd.layer.wins import compose_over
+from usdslf.usd.preview.preview_material import PreviewMaterials
+from usdslf.usd.preview.preview_material import make_preview as make_preview_materials
+from usdslf.usd.read.read import open_stage, quiet_usd, read_scene
+
+MOST_ELEMENTS = (1 << 22) - 1
+Value = TypeVar("Value")
+
+
+class _Lazy(Generic[Value]):
+    """A value of a Shot that is made once, at first use, by one thread."""
+
+    def __init__(self, make: Callable[[Any], Value]) -> None:
+        self._make, self._name, self.__doc__ = make, make.__name__, make.__doc__
+
+    @overload
+    def __get__(self, shot: None, owner: type) -> _Lazy[Value]: ...
+    @overload
+    def __get__(self, shot: Shot, owner: type) -> Value: ...
+    def __get__(self, shot: Shot | None, owner: type) -> Value | _Lazy[Value]:
+        if shot is None:
+            return self
+        # What is made stands in the instance's dictionary, where it is found before this.
+        made, lock = vars(shot), shot.lock
+        wait_for(lock)
+        try:
+            if self._name not in made:
+                made[self._name] = self._make(shot)
+            value: Value = made[self._name]
+            return value
+        finally:
+            lock.release()
+
+
+@dataclass(frozen=True, eq=False)
+class Shot:
+    """A shot at a frame: what `Shot.open` was told, and, made at first use, all that is computed from it.
+
+    Shared between threads as it is.  It holds a thread pool and arrays on the device as long as it lives.
+
+    Source: Nguyen et al. 2013, 5 and 6.
+    """
+
+    source: Any  # Usd.Stage as its files have it; never written to
+    stage: Any  # Usd.Stage that is read: `source`, with `made` over it
+    made: PreviewMaterials | None = None
+    frame: float | None = None  # time code; None: the first frame of an animated shot
+    ocio: str | None = None  # OpenColorIO config
+    element_count: int = 10000
+    bounces: int = 8
+    refine: int = 1  # levels of subdivision
+    model: str = "preview_surface"
+    device_name: str | Device | None = None
+    seconds: dict[str, float] = field(default_factory=dict, repr=False)  # of the steps that were taken so far
+    warnings: list[str] = field(default_factory=list, repr=False)  # of those steps, each once
+    lock: threading._RLock = field(default_factory=threading.RLock, repr=False)
+    laid: Placed | None = field(default=None, repr=False)  # the other frame that the elements were laid at
+    start: list[LightField] = field(default_factory=list, repr=False)  # of another frame: where iterations start
+
+    @staticmethod
+    def open(
+        stage: Any, frame: float | None = None, device: str | Device | None = None, ocio: str | None = None,
+        make_preview: bool = False, **quality: Any,
+    ) -> Shot:  # fmt: skip
+        """Opens a shot; nothing is read yet.
+
+        Args:
+            stage: path or Usd.Stage.
+            frame: time code; None: the first frame of an animated shot.
+            device: OpenCL device, by number or name.
+            ocio: OpenColorIO config.
+            make_preview: surfaces without UsdPreviewSurface get one that shows the same, so that they can be edited.
+            quality: `elements` that carry the light field (10000), most `bounces` of it (8), levels `refine` of
+                subdivision (1), `model` preview_surface or phong, the paper's, which shows and solves the same inputs
+                otherwise.
+
+        Raises: StageError where the stage cannot be opened, InputError for a number that cannot be.
+        """
+        unknown = sorted(quality.keys() - {"elements", "bounces", "refine", "model"})
+        if unknown:
+            raise TypeError(f"there is no option '{unknown[0]}'; choose from elements, bounces, refine, model")
+        elements, model = quality.get("elements", 10000), quality.get("model", MODELS[0])
+        bounces, refine = quality.get("bounces", 8), quality.get("refine", 1)
+        if not 1 <= elements <= MOST_ELEMENTS:
+            raise InputError(f"--elements {elements} is not in 1 .. {MOST_ELEMENTS}")
+        if bounces < 1:
+            raise InputError(f"--bounces {bounces} is less than 1")
+        if model not in MODELS:
+            raise InputError(f"unknown reflectance model '{model}'; choose one of {', '.join(MODELS)}")
+        source = open_stage(stage) if isinstance(stage, (str, os.PathLike)) else stage
+        made = make_preview_materials(source) if make_preview else None
+        with quiet_usd():
+            composed = compose_over(source, made.layer) if made else source
+        return Shot(source, composed, made, frame, ocio, elements, bounces, refine, model, device)
+
+    @property
+    def path(self) -> str:
+        """The file of the shot, or the name of a layer that is in memory alone."""
+        root = self.source.GetRootLayer()
+        return root.realPath or root.identifier
+
+    def warn(self, *sentences: str) -> None:
+        """Keeps warnings, each once."""
+        self.warnings.extend(s for s in dict.fromkeys(sentences) if s not in self.warnings)
+
+    # ── what is made at first use ──────────────────────────────────────────────────────────────
+
+    @_Lazy
+    def scene(self) -> Scene:
+        """The shot as records."""
+        with step("read", self.seconds):
+            scene = read_scene(self.stage, self.frame, refine=self.refine, ocio=self.ocio)
+        self.warn(*scene.warnings, *(self.made.warnings if self.made else ()))
+        return replace(scene, stage=self.path)
+
+    @_Lazy
+    def device(self) -> Device:
+        """The OpenCL device."""
+        return self.device_name if isinstance(self.device_name, Device) else open_device(self.device_name)
+
+    @_Lazy
+    def tracer(self) -> RayTracer:
+        """Rays against the scene."""
+        scene = self.scene
+        with step("read", self.seconds):
+            return RayTracer(scene)
+
+    @_Lazy
+    def lights(self) -> tuple[Light, ...]:
+        """The shot's lights, or the stated default where it has none."""
+        lights, sentence = lights_or_default(self.scene)
+        self.warn(*filter(None, [sentence]))
+        return lights
+
+    @_Lazy
+    def light_set(self) -> LightSet:
+        """All that shines."""
+        lights, scene = self.lights, self.scene
+        with step("light", self.seconds):
+            return LightSet(scene, lights)
+
+    @_Lazy
+    def elements(self) -> Elements:
+        """Points on all surfaces.
+
+        Raises: MemoryError_ where their light field does not fit the device, StageError where there is no surface.
+        """
+        scene, tracer = self.scene, self.tracer
+        require_memory(self.device, self.element_count)
+        with step("elements", self.seconds):
+            return sample_elements(scene, tracer, self.element_count, np.random.default_rng(0))
+
+    @_Lazy
+    def lookup(self) -> ElementLookup:
+        """Near elements of any point."""
+        elements = self.elements
+        with step("elements", self.seconds):
+            return ElementLookup(self.scene, self.tracer, elements)
+
+    @_Lazy
+    def visibility(self) -> Visibility:
+        """What each element sees in each direction."""
+        lookup, device = self.lookup, self.device
+        with step("visibility", self.seconds):
+            return trace_visibility(self.elements, lookup, self.tracer, device)
+
+    @_Lazy
+    def dark_probes(self) -> DarkProbes:
+        """Places without elements, which other frames ask again for light."""
+        elements = self.elements
+        with step("elements", self.seconds):
+            return probe_dark(elements, self.scene, self.tracer)
+
+    @_Lazy
+    def fixed_light(self) -> NDArray[np.float32]:
+        """Light (N, D, 3) that no edit changes."""
+        visibility, lights = self.visibility, self.lights
+        with step("light", self.seconds):
+            return static_light(self.elements, self.tracer, lights, visibility).diffuse
+
+    @_Lazy
+    def light_field(self) -> LightField:
+        """The surface light field of the shot as it is; others start from it (`LightField.with_surface`)."""
+        fixed, visibility, normals = self.fixed_light, self.visibility, self.scene.triangles.face_normals
+        with step("light field", self.seconds):
+            found = LightField(self.device, self.elements, self.lookup, visibility, fixed, normals, self.model)
+            if self.start:
+                found.start_from(self.start[0])
+            converge(found, self.bounces)
+            found.rest()
+        self.start.clear()
+        return found
+
+    @_Lazy
+    def overview(self) -> Camera:
+        """A camera that sees everything."""
+        return overview_camera(self.scene, self.tracer)
+
+    def camera(self, path: str | None = None) -> Camera:
+        """Returns a camera of the shot, the first one by default, or one that sees everything.
+
+        Raises: StageError where there is none of that path.
+        """
+        cameras = self.scene.cameras
+        if path is None:
+            return cameras[0] if cameras else self.overview
+        for camera in cameras:
+            if camera.path == path:
+                return camera
+        some = ", ".join(c.path for c in cameras[:5]) + (f" and {len(cameras) - 5} more" if len(cameras) > 5 else "")
+        known = f"there is {some}" if cameras else "leave it out, there is none"
+        raise StageError(f"{self.scene.stage} has no camera {path}; {known}")
+
+    # ── other states ───────────────────────────────────────────────────────────────────────────
+
+    def edited(self, look: str | os.PathLike[str]) -> Shot:
+        """Returns the shot with a look layer over it; see `reopened`.
+
+        Raises: InputError where the look cannot be read.
+        """
+        return self.reopened(open_edited(self.path, look))
+
+    def reopened(self, stage: Any) -> Shot:
+        """Returns another composition of the shot, a path or a Usd.Stage, at the same frame.
+
+        Where that leaves geometry, lights, glow and opacity as they are, as our looks do, elements, visibility and
+        fixed light are shared.
+
+        Raises: StageError where the stage cannot be opened.
+        """
+        other = Shot.open(
+            stage, self.frame, self.device, self.ocio, self.made is not None, elements=self.element_count,
+            bounces=self.bounces, refine=self.refine, model=self.model,
+        )  # fmt: skip
+        if is_same_but_for_reflectance(self.scene, other.scene):
+            elements = refresh_reflectance(self.elements, self.scene, other.scene)
+            other._take(
+                elements=elements, lookup=self.lookup, visibility=self.visibility, fixed_light=self.fixed_light,
+                lights=self.lights,
+            )  # fmt: skip
+        return other
+
+    def at_frame(self, frame: float) -> Shot:
+        """Returns the shot at another frame.
+
+        Elements keep the places that they were laid at on what moved, whatever frames came between, and visibility is
+        traced again only where that can have changed it.  Surfaces that see light only now get new elements.  Where
+        the frame has other meshes, or stretches them much, all starts afresh, and that is said.
+        """
+        field = vars(self).get("light_field") or next(iter(self.start), None)
+        other = replace(
+            self, frame=frame, device_name=self.device, seconds={}, warnings=[], lock=threading.RLock(), laid=None,
+            start=[field] if field else [],
+        )  # fmt: skip
+        laid = self.laid or Placed(self.scene, self.elements, self.lookup, self.visibility, self.dark_probes)
+        with step("visibility", other.seconds):
+            placed = carry(laid, other.scene, other.tracer, self.device)
+        if isinstance(placed, Afresh):
+            other.warn(f"frame {frame:g} {placed}: its elements are placed afresh")
+            return other
+        other._take(laid=laid, elements=placed.elements, lookup=placed.lookup, visibility=placed.visibility)
+        if len(placed.elements) > len(laid.elements):
+            new = len(placed.elements) - len(laid.elements)
+            other.warn(f"frame {frame:g}: {new} elements are added where light comes only now")
+        return other
+
+    def _take(self, **values: Any) -> None:
+        """Takes values of another state, before anybody else knows this one."""
+        vars(self).update(values)
+
+
+def converge(field: LightField, bounces: int) -> None:
+    """Sends the light round, `bounces` times at most, telling each."""
+    for number, _ in enumerate(field.converge(bounces)):
+        tell((number + 1) / bounces)
+
+
+def is_same_but_for_reflectance(before: Scene, after: Scene) -> bool:
+    """Tells whether elements, what they see and the light on them are the same in two compositions of a shot."""
+    if why_not_comparable(before, after) or not is_same_light(before, after):
+        return False
+    return not find_moved(before, after).meshes.any()
+
