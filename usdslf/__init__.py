@@ -22,6 +22,13 @@ Public names; all others may change from version to version:
 
     open             opens a shot: a path or a Usd.Stage -> Session; steps run when they are needed
     Session          the page of verbs for scripts: add_stroke, solve, author, render, report
+    Shot             a shot as it is, shared between threads; made once, never changed
+    solve            strokes on a Shot -> a generator of Progress that returns a Solution; close cancels
+    stylize_shot     the same, of unsharp masking the whole shot
+    run, stepwise    such a generator to its end; any function as such a generator
+    author           a Solution -> a look layer, as a Look
+    render_shot      pictures of a Shot, or of it under a look
+    Settings, Solution, Look, Progress, Cancelled      their records
     Stroke           what was painted, and from where, as a record
     paint_stroke     a path on the picture of a camera -> Stroke
     read_strokes     the strokes of a stroke layer
@@ -39,8 +46,12 @@ from usdslf.errors import UsdslfError
 from usdslf.usd.schema import announce_schema
 
 if TYPE_CHECKING:
+    from usdslf.look import Look, author, render_shot
+    from usdslf.progress import Cancelled, Progress, run, stepwise
     from usdslf.scene.records import Scene
     from usdslf.session import Session, open
+    from usdslf.shot import Shot
+    from usdslf.solution import Settings, Solution, solve, stylize_shot
     from usdslf.strokes.paint import paint_stroke
     from usdslf.strokes.stroke import Stroke
     from usdslf.usd.stroke_layer import read_strokes, write_strokes
@@ -50,14 +61,26 @@ __version__ = "0.1.0"
 announce_schema()
 
 __all__ = [
+    "Cancelled",
+    "Look",
+    "Progress",
     "Scene",
     "Session",
+    "Settings",
+    "Shot",
+    "Solution",
     "Stroke",
     "UsdslfError",
     "__version__",
+    "author",
     "open",
     "paint_stroke",
     "read_strokes",
+    "render_shot",
+    "run",
+    "solve",
+    "stepwise",
+    "stylize_shot",
     "write_strokes",
 ]
 
@@ -66,6 +89,10 @@ _HOME = {
     "Scene": "usdslf.scene.records",
     "Session": "usdslf.session",
     "open": "usdslf.session",
+    "Shot": "usdslf.shot",
+    **dict.fromkeys(("Settings", "Solution", "solve", "stylize_shot"), "usdslf.solution"),
+    **dict.fromkeys(("Look", "author", "render_shot"), "usdslf.look"),
+    **dict.fromkeys(("Cancelled", "Progress", "run", "stepwise"), "usdslf.progress"),
     "Stroke": "usdslf.strokes.stroke",
     "paint_stroke": "usdslf.strokes.paint",
     "read_strokes": "usdslf.usd.stroke_layer",

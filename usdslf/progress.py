@@ -25,7 +25,7 @@ from contextlib import contextmanager
 from contextvars import ContextVar, copy_context
 from dataclasses import dataclass
 from queue import SimpleQueue
-from typing import TypeVar
+from typing import Any, TypeVar
 
 Result = TypeVar("Result")
 
@@ -199,7 +199,7 @@ def run(steps: Generator[Progress, None, Result], say: Say | None = None) -> Res
         steps.close()
 
 
-def wait_for(lock: threading._RLock) -> None:
-    """Acquires a lock, telling that it waits meanwhile."""
+def wait_for(lock: Any) -> None:
+    """Acquires a lock (of threading), telling that it waits meanwhile."""
     while not lock.acquire(timeout=0.05):
         tell()

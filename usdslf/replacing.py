@@ -17,6 +17,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from usdslf.errors import InputError, UsdslfError
+from usdslf.progress import undisturbed
 
 _numbers = itertools.count()  # so that two threads of a process do not share a name
 
@@ -38,15 +39,16 @@ def replacing(path: str | os.PathLike[str], error: type[UsdslfError] = InputErro
     if path.is_dir():
         raise error(f"{path} cannot be written: it is a folder; give the name of a file")
     temporary = beside(path)
-    try:
-        yield temporary
-        put_in_place(temporary, path)
-    except OSError as failed:
-        reason = " ".join(str(failed.strerror or failed).split())
-        raise error(f"{path} cannot be written: {reason}; choose another place") from None
-    finally:
-        with contextlib.suppress(OSError):
-            temporary.unlink(missing_ok=True)
+    with undisturbed():
+        try:
+            yield temporary
+            put_in_place(temporary, path)
+        except OSError as failed:
+            reason = " ".join(str(failed.strerror or failed).split())
+            raise error(f"{path} cannot be written: {reason}; choose another place") from None
+        finally:
+            with contextlib.suppress(OSError):
+                temporary.unlink(missing_ok=True)
 
 
 def beside(path: Path) -> Path:

@@ -2,41 +2,48 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from usdslf.edits.edits import inferred
-from usdslf.inference.answers import Answer, alike_means, means_of
+from usdslf.inference.answers import Answer, Pool, alike_means, means_of
+from usdslf.look import Look
 from usdslf.scene.records import Scene
+from usdslf.shot import Shot
+from usdslf.solution import Solution
 from usdslf.strokes.stroke import Stroke
 from usdslf.stylize.unsharp_mask import Stylized
 from usdslf.usd.layer.wins import AuthoredEdit
 
-if TYPE_CHECKING:
-    from usdslf.session import Session
-from collections.abc import Iterator, Sequence
 
+def report_of(shot: Shot, solution: Solution, look: Look | None = None) -> dict[str, Any]:
+    """Returns what was inferred, and authored as a look, as JSON-ready values (DESIGN: the report of solve).
 
-def report_of(session: Session) -> dict[str, Any]:
-    """Returns what a session inferred and authored last."""
-    s = session
-    active = [stroke for stroke in s.strokes if stroke.active]
+    Of a stylized shot, `stylize` says how, and `materials` what became of each.
+    """
+    edits = look.edits if look else ()
+    as_written = look.as_written if look else {}
     of_stroke: dict[int, list[Answer]] = {}
-    for a in s.answers:
+    for a in solution.answers:
         for i in a.pool.strokes:
             of_stroke.setdefault(i, []).append(a)
+    parts = (shot, solution, *((look,) if look else ()))
     return {
-        "stage": s.scene.stage,
-        "frame": None if np.isnan(s.scene.frame) else s.scene.frame,
-        "device": s.device.name,
-        "elements": len(s.elements),
+        "stage": shot.scene.stage,
+        "frame": None if np.isnan(shot.scene.frame) else shot.scene.frame,
+        "device": shot.device.name,
+        "elements": len(shot.elements),
         "directions": 1024,
-        "model": s.model,
-        **({} if s.stylized is None else _of_style(s, s.stylized)),
-        "strokes": [_of_stroke(s, stroke, *of_stroke[i]) for i, stroke in enumerate(active) if i in of_stroke],
+        "model": shot.model,
+        **({} if solution.stylized is None else _of_style(shot.scene, solution.stylized, edits)),
+        "strokes": [
+            _of_stroke(shot, solution, as_written, stroke, *of_stroke[i])
+            for i, stroke in enumerate(solution.strokes)
+            if i in of_stroke
+        ],
         "edits": [
             {
                 "prim": e.prim,
@@ -49,16 +56,16 @@ def report_of(session: Session) -> dict[str, Any]:
                 "mend": e.mend,
                 "affects": list(e.affects),
             }
-            for e in s.edits
+            for e in edits
         ],
-        "warnings": list(s.warnings),
-        "seconds": {k: round(v, 4) for k, v in s.seconds.items()},
+        "warnings": list(dict.fromkeys(w for part in parts for w in part.warnings)),
+        "seconds": {k: round(v, 4) for part in parts for k, v in part.seconds.items()},
     }
 
 
-def _of_style(session: Session, s: Stylized) -> dict[str, Any]:
-    paths = {m: session.scene.materials[m].path for m in (style.material for style in s.styles)}
-    written = [e for e in session.edits if e.wins]
+def _of_style(scene: Scene, s: Stylized, edits: Sequence[AuthoredEdit]) -> dict[str, Any]:
+    paths = {m: scene.materials[m].path for m in (style.material for style in s.styles)}
+    written = [e for e in edits if e.wins]
     return {
         "stylize": {"amount": s.amount, "radius": s.radius, "rounds": list(s.rounds)},
         "materials": [
@@ -70,7 +77,7 @@ def _of_style(session: Session, s: Stylized) -> dict[str, Any]:
                 "residual_before": style.residual_before,
                 "residual_after": style.residual_after,
                 **({} if np.isnan(style.residual_as_written) else {"residual_as_written": style.residual_as_written}),
-                "representation": sorted({e.representation for e in written if _is_of(e, style.material, session)}),
+                "representation": sorted({e.representation for e in written if _is_of(e, style.material, scene)}),
             }
             for style in s.styles
         ],
@@ -83,21 +90,23 @@ def _surface_of(scene: Scene, stroke: Stroke, material: int) -> str:
     return next((s for s in stroke.surfaces if s in shows), stroke.surfaces[0] if stroke.surfaces else "")
 
 
-def _is_of(edit: AuthoredEdit, material: int, session: Session) -> bool:
+def _is_of(edit: AuthoredEdit, material: int, scene: Scene) -> bool:
     """Whether an edit is one of a material's nodes, or of values at the points of what shows it."""
-    path = session.scene.materials[material].path
-    return edit.prim.startswith(f"{path}/") or edit.prim in session.scene.shown_on(material)
+    path = scene.materials[material].path
+    return edit.prim.startswith(f"{path}/") or edit.prim in scene.shown_on(material)
 
 
-def _of_stroke(session: Session, stroke: Stroke, answer: Answer, *more: Answer) -> dict[str, Any]:
+def _of_stroke(
+    shot: Shot, solution: Solution, written: Mapping[Pool, float], stroke: Stroke, answer: Answer, *more: Answer
+) -> dict[str, Any]:
     """The first answer is the stroke's own; an indirect one may change further materials."""
-    materials = session.scene.materials
+    materials = shot.scene.materials
     t = answer.tables
-    as_preview = session.residual_as_preview.get(answer.pool)
-    as_written = session.residual_as_written.get(answer.pool)
+    as_preview = solution.as_preview.get(answer.pool)
+    as_written = written.get(answer.pool)
     found = {
         "path": stroke.path,
-        "surface": _surface_of(session.scene, stroke, answer.pool.material),
+        "surface": _surface_of(shot.scene, stroke, answer.pool.material),
         "material": materials[answer.pool.material].path,
         "inferred": answer.chosen.id,
         "before": _plain(answer.before),
@@ -115,7 +124,7 @@ def _of_stroke(session: Session, stroke: Stroke, answer: Answer, *more: Answer) 
         ],
     }
     alike = (*answer.pool.alike, *answer.pool.partly)
-    also = [(m, answer, *alike_means(answer, m, session.light_field)) for m in alike]
+    also = [(m, answer, *alike_means(answer, m, shot.light_field)) for m in alike]
     if answer.note:
         found["note"] = answer.note
     if answer.others:

@@ -18,7 +18,7 @@ from typing import Any, Generic, TypeVar, overload
 import numpy as np
 from numpy.typing import NDArray
 
-from usdslf.animation.frames import Afresh, Placed, carry, is_same_light
+from usdslf.animation.frames import Placed, carry
 from usdslf.animation.revealed import DarkProbes, probe_dark
 from usdslf.elements.elements import ElementLookup, Elements, refresh_reflectance, sample_elements
 from usdslf.errors import InputError, StageError
@@ -31,7 +31,7 @@ from usdslf.lights.sources import LightSet
 from usdslf.progress import step, tell, wait_for
 from usdslf.rays import RayTracer
 from usdslf.render.overview_camera import overview_camera
-from usdslf.scene.difference import find_moved, why_not_comparable
+from usdslf.scene.difference import Afresh, is_same_but_for_reflectance, why_not_comparable
 from usdslf.scene.records import Camera, Light, Scene
 from usdslf.surfaces.reflectance import MODELS
 from usdslf.usd.edited import open_edited
@@ -90,7 +90,7 @@ class Shot:
     device_name: str | Device | None = None
     seconds: dict[str, float] = field(default_factory=dict, repr=False)  # of the steps that were taken so far
     warnings: list[str] = field(default_factory=list, repr=False)  # of those steps, each once
-    lock: threading._RLock = field(default_factory=threading.RLock, repr=False)
+    lock: Any = field(default_factory=threading.RLock, repr=False)  # RLock
     laid: Placed | None = field(default=None, repr=False)  # the other frame that the elements were laid at
     start: list[LightField] = field(default_factory=list, repr=False)  # of another frame: where iterations start
 
@@ -125,7 +125,7 @@ class Shot:
         if model not in MODELS:
             raise InputError(f"unknown reflectance model '{model}'; choose one of {', '.join(MODELS)}")
         source = open_stage(stage) if isinstance(stage, (str, os.PathLike)) else stage
-        made = make_preview_materials(source) if make_preview else None
+        made = make_preview_materials(source, ocio) if make_preview else None
         with quiet_usd():
             composed = compose_over(source, made.layer) if made else source
         return Shot(source, composed, made, frame, ocio, elements, bounces, refine, model, device)
@@ -289,9 +289,12 @@ class Shot:
             self, frame=frame, device_name=self.device, seconds={}, warnings=[], lock=threading.RLock(), laid=None,
             start=[field] if field else [],
         )  # fmt: skip
-        laid = self.laid or Placed(self.scene, self.elements, self.lookup, self.visibility, self.dark_probes)
-        with step("visibility", other.seconds):
-            placed = carry(laid, other.scene, other.tracer, self.device)
+        placed: Placed | Afresh | None
+        placed = why_not_comparable(self.laid.scene if self.laid else self.scene, other.scene)
+        if placed is None:
+            laid = self.laid or Placed(self.scene, self.elements, self.lookup, self.visibility, self.dark_probes)
+            with step("visibility", other.seconds):
+                placed = carry(laid, other.scene, other.tracer, self.device)
         if isinstance(placed, Afresh):
             other.warn(f"frame {frame:g} {placed}: its elements are placed afresh")
             return other
@@ -310,11 +313,3 @@ def converge(field: LightField, bounces: int) -> None:
     """Sends the light round, `bounces` times at most, telling each."""
     for number, _ in enumerate(field.converge(bounces)):
         tell((number + 1) / bounces)
-
-
-def is_same_but_for_reflectance(before: Scene, after: Scene) -> bool:
-    """Tells whether elements, what they see and the light on them are the same in two compositions of a shot."""
-    if why_not_comparable(before, after) or not is_same_light(before, after):
-        return False
-    return not find_moved(before, after).meshes.any()
-

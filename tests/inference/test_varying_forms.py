@@ -99,9 +99,9 @@ def test_roughness_varies(tmp_path: Path) -> None:
     other = written(session, tmp_path / "look.usda")
     np.testing.assert_allclose(surface_at(other.scene, P).roughness, wanted[:, 0], atol=0.04)
     (file,) = [e for e in session.edits if e.attribute == "inputs:file"]
-    shader = UsdShade.Shader(other.shot.GetPrimAtPath("/World/mtl/floor/surface"))
+    shader = UsdShade.Shader(other.source.GetPrimAtPath("/World/mtl/floor/surface"))
     assert [i.GetBaseName() for i in shader.GetInputs() if i.HasConnectedSource()] == ["roughness"]
-    texture = UsdShade.Shader(other.shot.GetPrimAtPath(file.prim))
+    texture = UsdShade.Shader(other.source.GetPrimAtPath(file.prim))
     assert texture.GetInput("sourceColorSpace").Get() == "raw" and texture.GetOutput("r")
 
 

@@ -202,7 +202,7 @@ def test_what_an_interface_gives_to_several_textures_stays_for_the_others(tmp_pa
     assert all(e.wins for e in session.author(tmp_path / "look.usda"))
     other = session.edited(tmp_path / "look.usda")
     np.testing.assert_allclose(surface_at(other.scene, P).roughness, wanted, atol=0.04)
-    surface, files = UsdShade.Shader(other.shot.GetPrimAtPath(f"{look}/surface")), []
+    surface, files = UsdShade.Shader(other.source.GetPrimAtPath(f"{look}/surface")), []
     for name in ("roughness", reads):
         node = surface.GetInput(name).GetValueProducingAttributes()[0].GetPrim()
         files.append(UsdShade.Shader(node).GetInput("file").GetValueProducingAttributes()[0].Get().path)

@@ -233,8 +233,8 @@ def test_a_whole_solve_of_a_real_stage(
     edits = session.author(tmp_path / "look.usda", mode=mode)
     assert edits and all(e.wins and e.affects for e in edits)
     assert "diffuse" in answer.chosen.freed
-    review = compose_over(session.shot, Sdf.Layer.FindOrOpen(str(tmp_path / "look.usda")))
-    check_valid(review, set(stock(session.shot)), tmp_path)
+    review = compose_over(session.source, Sdf.Layer.FindOrOpen(str(tmp_path / "look.usda")))
+    check_valid(review, set(stock(session.source)), tmp_path)
     at = locate_stroke(session.scene, stroke)
     before, after = (evaluate_surface(s, at.triangle, at.barycentric) for s in (session.scene, read_scene(review)))
     on = before.material == answer.pool.material

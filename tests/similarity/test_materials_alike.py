@@ -91,7 +91,7 @@ def test_similarity_needs_a_stroke(session: Session) -> None:
 
 def test_the_command_writes_a_layer_or_a_grey_picture(session: Session, tmp_path: Path, run: Run) -> None:
     layer, png, exr = tmp_path / "strokes.usda", tmp_path / "s.png", tmp_path / "s.exr"
-    stage = session.shot.GetRootLayer().realPath
+    stage = session.source.GetRootLayer().realPath
     write_strokes(layer, [dab(session)], session.stage)
     about = ("--aov", "similarity", "--strokes", layer, "--size", "96x54")
     code, out, err = run("render", stage, "-o", png, *about, "--stroke", "stroke_0001")
@@ -123,7 +123,7 @@ def test_errors_say_what_is_missing(
     layer = tmp_path / "strokes.usda"
     write_strokes(layer, [dab(session)], session.stage)
     given = [str(layer) if x == "LAYER" else x for x in more]
-    stage = session.shot.GetRootLayer().realPath
+    stage = session.source.GetRootLayer().realPath
     code, _, err = run("render", stage, "-o", tmp_path / "s.png", "--aov", "similarity", *given)
     assert code != 0 and says in err, err
     assert not (tmp_path / "s.png").exists()
@@ -217,7 +217,7 @@ def test_solve_takes_the_weights(session: Session, tmp_path: Path, run: Run) -> 
     solved(session, scope="similar")
     layer, look = tmp_path / "strokes.usda", tmp_path / "look.usda"
     write_strokes(layer, session.strokes, session.stage)
-    given = ("solve", session.shot.GetRootLayer().realPath, layer, "-o", look, "--elements", 700)
+    given = ("solve", session.source.GetRootLayer().realPath, layer, "-o", look, "--elements", 700)
     code, out, err = run(*given)
     assert code == 0 and "and diffuse of" in out and "mtl/like" in out.replace("materials", "mtl"), (out, err)
     code, out, _ = run(*given, "--similarity", "1,0,0")

@@ -267,7 +267,7 @@ def test_an_edit_from_frame_1_holds_at_every_frame(tmp_path: Path, move: Callabl
         (material,) = np.unique(mesh.material_of_triangle)
         np.testing.assert_allclose(scene.materials[material].diffuse_color, AFTER["diffuse"], atol=0.02)
     # The strokes of frame 1 give the same at frame 10, read from their layer, by the anchors that it holds.
-    usdslf.write_strokes(tmp_path / "strokes.usda", session.strokes, session.shot)
+    usdslf.write_strokes(tmp_path / "strokes.usda", session.strokes, session.source)
     (read,) = usdslf.read_strokes(tmp_path / "strokes.usda")
     last = session.at_frame(LAST)
     np.testing.assert_allclose(

@@ -18,7 +18,7 @@ from usdslf.elements.lookup import ElementLookup
 from usdslf.gpu.device import Device
 from usdslf.light_field.visibility import Visibility
 from usdslf.rays import RayTracer
-from usdslf.scene.difference import find_moved, look_alike
+from usdslf.scene.difference import Afresh, find_moved, look_alike
 from usdslf.scene.records import Scene
 
 
@@ -33,8 +33,8 @@ class Placed:
     probes: DarkProbes  # of the frame that elements were laid at
 
 
-def carry(first: Placed, scene: Scene, tracer: RayTracer, device: Device) -> Placed | str:
-    """Takes elements and visibility to another frame of meshes that are comparable (`moved.why_not_comparable`).
+def carry(first: Placed, scene: Scene, tracer: RayTracer, device: Device) -> Placed | Afresh:
+    """Takes elements and visibility to another frame of meshes that are comparable (`difference.why_not_comparable`).
 
     Elements keep their places on what moved, surfaces that see light only now get new ones, and visibility is traced
     again where that can have changed it.
@@ -43,7 +43,7 @@ def carry(first: Placed, scene: Scene, tracer: RayTracer, device: Device) -> Pla
         first: the frame that elements were laid at.
         scene, tracer: the other frame.
 
-    Returns: the same things at the other frame, or why its elements have to be laid afresh, in words.
+    Returns: the same things at the other frame, or why its elements have to be laid afresh.
     """
     before = first.scene
     moved = find_moved(before, scene)
@@ -54,7 +54,7 @@ def carry(first: Placed, scene: Scene, tracer: RayTracer, device: Device) -> Pla
         return replace(first, scene=scene, elements=elements)
     elements = move_elements(elements, before, scene, moved.meshes)
     reason = why_not_spaced(first.elements, elements)
-    if reason:
+    if reason is not None:
         return reason
     elements = reveal_elements(elements, first.probes, scene, tracer, np.random.default_rng(0))
     if len(elements) == len(first.elements) and not moved.meshes.any():

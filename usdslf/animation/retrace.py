@@ -27,7 +27,7 @@ from usdslf.light_field.links import BLOCKED
 from usdslf.light_field.visibility import Visibility, trace_bins
 from usdslf.rays import RayTracer
 from usdslf.sampling.hemisphere import D, bin_directions
-from usdslf.scene.difference import Moved, Space
+from usdslf.scene.difference import Afresh, Moved, Space, Why
 from usdslf.scene.records import F32, Scene
 from usdslf.surfaces.surface_points import evaluate_surface
 
@@ -85,16 +85,16 @@ def _sides(elements: Elements) -> tuple[NDArray, int]:
     return elements.part + parts * (elements.side < 0), 2 * parts
 
 
-def why_not_spaced(before: Elements, after: Elements) -> str:
-    """Returns why elements that moved are no longer spaced well; "" where they are."""
+def why_not_spaced(before: Elements, after: Elements) -> Afresh | None:
+    """Returns why elements that moved are no longer spaced well; None where they are."""
     group, sides = _sides(before)
     number = np.bincount(group, minlength=sides)
     old, new = (np.bincount(group, e.area, sides) for e in (before, after))
     ratio = np.where(number > LEAST, new / np.where(old > 0, old, 1), 1)
     if ratio.max(initial=1) > MOST_STRETCH or ratio.min(initial=1) < 1 / MOST_STRETCH:
         far = ratio[np.argmax(np.abs(np.log(np.maximum(ratio, 1e-30))))]
-        return f"stretches a surface to {far:.3g} times its area"
-    return ""
+        return Afresh(Why.STRETCHED, f"{far:.3g}")
+    return None
 
 
 def retrace(

@@ -29,7 +29,7 @@ from usdslf.session import Session
 from usdslf.surfaces.reflectance import LEVEL_COUNT
 
 if TYPE_CHECKING:
-    from usdslf.session import Say
+    from usdslf.progress import Say
 
 SIZE = (900, 450)  # of the paper's pictures
 BLOCK = 64  # elements in a run of the ray limit
@@ -142,7 +142,7 @@ def _moved(session: Session) -> tuple[float, str, float]:
 
     def move() -> None:
         found = carry(placed, scene, RayTracer(scene), session.device)
-        assert not isinstance(found, str), found
+        assert isinstance(found, Placed), found
 
     def trace() -> None:
         trace_visibility(session.elements, session.lookup, session.tracer, session.device)

@@ -13,7 +13,8 @@ from usdslf.cli.program import Settings, gathered
 from usdslf.surfaces.reflectance import MODELS
 
 if TYPE_CHECKING:
-    from usdslf.session import Say, Session
+    from usdslf.progress import Say
+    from usdslf.session import Session
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import click
 
 if TYPE_CHECKING:
-    from usdslf.session import Say
+    from usdslf.progress import Say
 
 
 @contextmanager

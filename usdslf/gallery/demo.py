@@ -14,7 +14,7 @@ from usdslf.gallery.records import Entry
 from usdslf.replacing import replacing
 
 if TYPE_CHECKING:
-    from usdslf.session import Say
+    from usdslf.progress import Say
 
 
 def chosen_entries(names: Sequence[str], all_names: bool) -> tuple[Entry, ...]:

@@ -36,7 +36,7 @@ DISK = 44  # pixels across a picture of a hemisphere
 def fit_levels(play: Play) -> None:
     """Wanted light of a known reflectance; each element of the ball is asked for it."""
     base = play.session
-    session = Session(base.shot, device=base.device, elements=base.element_count, model="phong")
+    session = Session(base.source, device=base.device, elements=base.element_count, model="phong")
     field = session.light_field
     material = next(i for i, m in enumerate(session.scene.materials) if m.path.endswith("/red"))
     ball = np.flatnonzero(field.elements.material == material)

@@ -33,7 +33,7 @@ from usdslf.usd.stroke_layer import write_strokes
 if TYPE_CHECKING:
     from usdslf.inference.answers import Answer
     from usdslf.inference.weights import Options
-    from usdslf.session import Say
+    from usdslf.progress import Say
 
 SIZE = (448, 252)
 SAMPLES = 16

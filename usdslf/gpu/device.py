@@ -95,6 +95,11 @@ class Device:
         except cl.Error as error:
             raise _device_error(error, f"an array of shape {shape}") from error
 
+    def clear(self, array_d: Any) -> None:
+        """Fills an array of the device with zeros; safe on several threads, as an array's own `fill` is not."""
+        zero = np.zeros(1, array_d.dtype)
+        cl.enqueue_fill_buffer(self.queue, array_d.base_data, zero, array_d.offset, array_d.nbytes)
+
     def download(self, array_d: Any) -> NDArray:
         """Copies an array of the device to the host, after all that was enqueued before."""
         return array_d.get(self.queue)

@@ -10,6 +10,7 @@ Source: Nguyen et al. 2013, section 3 (rendering equation), 5.2, 6.2.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from copy import copy
 from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Any
@@ -23,11 +24,13 @@ from usdslf.gpu.device import Device
 from usdslf.light_field.links import follow_links, link_rays
 from usdslf.light_field.preconvolution import LevelKernel, build_level, fresnel_diffuse
 from usdslf.light_field.visibility import Visibility
+from usdslf.progress import tell
 from usdslf.sampling.hemisphere import D, bin_directions
 from usdslf.surfaces.reflectance import LEVEL_COUNT, column_weights, model_of, roughness_levels
 
 LANES = 16
 CHUNK_BLOCKS = 24  # blocks whose light stays in the caches of a CPU
+LAUNCHED = 4  # chunks that are waited for, so that work can be cancelled between them
 
 
 @dataclass(frozen=True)
@@ -68,6 +71,27 @@ class _Blocks:
     parameters_d: Any
 
 
+@dataclass
+class _Scratch:
+    """Arrays that bounces of one light field write to."""
+
+    next_d: Any  # (N, D, 3)
+    light_d: Any  # (CHUNK_BLOCKS, D, 3, LANES)
+    coarse_d: Any
+    e_pi_d: Any
+    difference_d: Any  # (N, 2)
+
+    @staticmethod
+    def of(device: Device, n: int) -> _Scratch:
+        return _Scratch(
+            device.empty((n, D, 3), np.float32),
+            device.empty((CHUNK_BLOCKS, D, 3, LANES), np.float32),
+            device.empty((CHUNK_BLOCKS, D // 4, 3, LANES), np.float32),
+            device.empty((CHUNK_BLOCKS, 3, LANES), np.float32),
+            device.empty((n, 2), np.float32),
+        )
+
+
 class LightField:
     """Outgoing radiance `outgoing_d` (N, D, 3) of the elements, and the bounce that renews it."""
 
@@ -96,11 +120,7 @@ class LightField:
         self.fixed_d = device.upload(np.ascontiguousarray(fixed, np.float32))
         self.frames_d = device.upload(np.ascontiguousarray(elements.frame, np.float32))
         self.outgoing_d = device.zeros((n, D, 3), np.float32)
-        self._next_d = device.empty((n, D, 3), np.float32)
-        self._light_d = device.empty((CHUNK_BLOCKS, D, 3, LANES), np.float32)
-        self._coarse_d = device.empty((CHUNK_BLOCKS, D // 4, 3, LANES), np.float32)
-        self._e_pi_d = device.empty((CHUNK_BLOCKS, 3, LANES), np.float32)
-        self._difference_d = device.empty((n, 2), np.float32)
+        self._scratch_d: _Scratch | None = None
         z = bin_directions()[:, 2]
         self.cosine_d = device.upload((z / z.sum()).astype(np.float32))
         y, y_scale = fresnel_diffuse(device, model)
@@ -109,6 +129,28 @@ class LightField:
         self.surface = Surface.of(elements)
         self._blocks: list[_Blocks] = []
         self.set_surface(self.surface)
+
+    def with_surface(self, surface: Surface) -> LightField:
+        """Returns a light field of another reflectance, whose iterations start from the light of now.
+
+        Links, fixed light and what comes with them are shared and never change; outgoing radiance is its own, so that
+        neither is seen by who looks at the other.
+        """
+        other = copy(self)
+        other.outgoing_d, other._scratch_d = self.outgoing_d.copy(), None
+        if surface is not self.surface:
+            other.set_surface(surface)
+        return other
+
+    def rest(self) -> None:
+        """Gives memory back that only bounces need."""
+        self._scratch_d = None
+
+    @property
+    def _scratch(self) -> _Scratch:
+        if self._scratch_d is None:
+            self._scratch_d = _Scratch.of(self.device, len(self.elements))
+        return self._scratch_d
 
     def set_surface(self, surface: Surface) -> None:
         """Gives the elements another reflectance; the light field follows with the next bounces."""
@@ -165,15 +207,15 @@ class LightField:
 
     def bounce(self) -> float:
         """Sends the light once more; returns the relative change of the light field (L1)."""
-        device, n = self.device, len(self.elements.position)
+        device, n, scratch = self.device, len(self.elements.position), self._scratch
         kernel = lambda name, **c: device.kernel("light_field", name, **c)  # noqa: E731
-        kernel("emit", LOBE=0)((_up(n * D),), (64,), self.emission_d, np.uint32(n * D), self._next_d)
+        kernel("emit", LOBE=0)((_up(n * D),), (64,), self.emission_d, np.uint32(n * D), scratch.next_d)
         self._reflect(self._blocks)
         kernel("difference", LOBE=0)(
-            (_up(n),), (64,), self.outgoing_d, self._next_d, np.uint32(n), self._difference_d
+            (_up(n),), (64,), self.outgoing_d, scratch.next_d, np.uint32(n), scratch.difference_d
         )
-        self.outgoing_d, self._next_d = self._next_d, self.outgoing_d
-        apart, total = device.download(self._difference_d).sum(0, dtype=np.float64)
+        self.outgoing_d, scratch.next_d = scratch.next_d, self.outgoing_d
+        apart, total = device.download(scratch.difference_d).sum(0, dtype=np.float64)
         return float(apart / total) if total > 0 else 0.0
 
     def respond(self, element: NDArray, weights: NDArray, roughness: NDArray) -> Any:
@@ -190,35 +232,40 @@ class LightField:
         lower[:, 6:] *= (1 - share)[:, None]
         upper[:, 6:] *= share[:, None]
         upper[:, :6] = 0
-        self._next_d.fill(np.float32(0))
+        self.device.clear(self._scratch.next_d)
         self._reflect(
             self._blocks_of(np.tile(element, 2), np.concatenate([low, low + 1]), np.concatenate([lower, upper]))
         )
-        return self._next_d
+        return self._scratch.next_d
 
     def _reflect(self, chosen: list[_Blocks]) -> None:
         """Adds what blocks send out, under the light that arrives now, to the next light field."""
-        device = self.device
+        device, scratch = self.device, self._scratch
         kernel = lambda name, **c: device.kernel("light_field", name, **c)  # noqa: E731
+        launched = 0
         for blocks in chosen:
             level, w = self.level(blocks.level)
             for first in range(0, blocks.count, CHUNK_BLOCKS):
                 count, at = min(CHUNK_BLOCKS, blocks.count - first), np.int32(first)
                 kernel("gather", LOBE=0)(
-                    (D, count), (64, 1), blocks.order_d, self.hit_d, self.fixed_d, self.outgoing_d, at, self._light_d
+                    (D, count), (64, 1), blocks.order_d, self.hit_d, self.fixed_d, self.outgoing_d, at, scratch.light_d
                 )
-                kernel("coarsen", LOBE=0)((D // 4, count), (64, 1), self._light_d, self._coarse_d)
-                kernel("irradiance", LOBE=0)((3, count), None, self._light_d, self.cosine_d, self._e_pi_d)
+                kernel("coarsen", LOBE=0)((D // 4, count), (64, 1), scratch.light_d, scratch.coarse_d)
+                kernel("irradiance", LOBE=0)((3, count), None, scratch.light_d, self.cosine_d, scratch.e_pi_d)
                 lobe = (w["a"], w["b"], self.y_scale_d, w["fine_scale"] if level.coarse else self.y_scale_d)
                 kernel("reflect_coarse", LOBE=int(level.coarse))(
-                    (D // 4, count), (64, 1), self._coarse_d, self._e_pi_d, self.y_d, *lobe,
-                    blocks.parameters_d, blocks.order_d, at, self._next_d,
+                    (D // 4, count), (64, 1), scratch.coarse_d, scratch.e_pi_d, self.y_d, *lobe,
+                    blocks.parameters_d, blocks.order_d, at, scratch.next_d,
                 )  # fmt: skip
                 if not level.coarse:
                     kernel("reflect_sharp", LOBE=0)(
-                        (D, count), (64, 1), self._light_d, w["first"], w["tap"], w["a"], w["b"],
-                        blocks.parameters_d, blocks.order_d, at, self._next_d,
+                        (D, count), (64, 1), scratch.light_d, w["first"], w["tap"], w["a"], w["b"],
+                        blocks.parameters_d, blocks.order_d, at, scratch.next_d,
                     )  # fmt: skip
+                launched += 1
+                if launched % LAUNCHED == 0:
+                    device.finish()
+                    tell()
 
     def converge(self, bounces: int = 8, tolerance: float = 2e-3) -> Iterator[float]:
         """Bounces until the change falls below `tolerance`, `bounces` times at most; yields each change."""
@@ -234,7 +281,7 @@ class LightField:
         The fixed point is the same from any start.
         """
         n = min(len(self.elements), len(other.elements))
-        self.outgoing_d.fill(np.float32(0))
+        self.device.clear(self.outgoing_d)
         self.outgoing_d[:n] = other.outgoing_d[:n]
 
     def incident(self, element: NDArray) -> NDArray[np.float32]:

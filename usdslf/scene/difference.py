@@ -1,4 +1,4 @@
-"""Moved: which meshes are elsewhere at another frame, and the space that they leave and take.
+"""Difference: what is not the same in two states of a shot; which meshes moved, and the space they leave and take.
 
 The space is that of a few groups of neighbouring triangles, so that a ray or a place is compared with few.
 """
@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, is_dataclass
+from enum import Enum
 from typing import Any
 
 import numpy as np
@@ -48,25 +49,71 @@ class Moved:
         return found
 
 
-def why_not_comparable(before: Scene, after: Scene) -> str:
-    """Returns why elements of one frame can not be those of another; "" where they can."""
+class Why(Enum):
+    """Kinds of reasons for elements of one frame to be none of another, as what is said of that frame."""
+
+    OTHER_ORIGIN = "lies so far elsewhere that its positions are told from another origin"
+    OTHER_MESHES = "shows other meshes"
+    OTHER_MATERIALS = "shows other materials"
+    OTHER_OPACITY = "has another opacity"
+    OTHER_TRIANGLES = "cuts {} into other triangles"
+    OTHER_MATERIAL = "shows {} in another material"
+    OTHER_CUT_OUT = "shifts what {} is seen through by"
+    STRETCHED = "stretches a surface to {} times its area"
+
+
+@dataclass(frozen=True)
+class Afresh:
+    """Why elements have to be placed afresh; as words, it ends "frame 2 ..."."""
+
+    why: Why
+    what: str = ""
+
+    def __str__(self) -> str:
+        return self.why.value.format(self.what)
+
+
+def why_not_comparable(before: Scene, after: Scene) -> Afresh | None:
+    """Returns why elements of one frame can not be those of another; None where they can."""
     if before.origin != after.origin:
-        return "lies so far elsewhere that its positions are told from another origin"
+        return Afresh(Why.OTHER_ORIGIN)
     if [m.path for m in before.meshes] != [m.path for m in after.meshes]:
-        return "shows other meshes"
+        return Afresh(Why.OTHER_MESHES)
     if len(before.materials) != len(after.materials):
-        return "shows other materials"
+        return Afresh(Why.OTHER_MATERIALS)
     if any(_opacity(a) != _opacity(b) for a, b in zip(before.materials, after.materials, strict=True)):
-        return "has another opacity"
+        return Afresh(Why.OTHER_OPACITY)
     for a, b in zip(before.meshes, after.meshes, strict=True):
         if not np.array_equal(a.triangles, b.triangles):
-            return f"cuts {a.path} into other triangles"
+            return Afresh(Why.OTHER_TRIANGLES, a.path)
         if not np.array_equal(a.material_of_triangle, b.material_of_triangle):
-            return f"shows {a.path} in another material"
+            return Afresh(Why.OTHER_MATERIAL, a.path)
         seen_through = any(not after.materials[m].is_opaque for m in np.unique(b.material_of_triangle))
         if seen_through and not look_alike((a.uvs, a.primvars), (b.uvs, b.primvars)):
-            return f"shifts what {a.path} is seen through by"
-    return ""
+            return Afresh(Why.OTHER_CUT_OUT, a.path)
+    return None
+
+
+def is_same_but_for_reflectance(before: Scene, after: Scene) -> bool:
+    """Tells whether two compositions of a shot have the same geometry, lights, glow and opacity, triangle by triangle.
+
+    Materials may be others and more of them: then elements, what they see and the light on them are the same.
+    """
+    a, b = before.triangles, after.triangles
+    if before.origin != after.origin or not all(look_alike(getattr(a, name), getattr(b, name)) for name in ("positions", "normals", "mesh")):
+        return False
+    if not (look_alike(before.lights, after.lights) and look_alike(before.cameras, after.cameras)):
+        return False
+    pairs = np.unique(np.stack([a.material, b.material], 1), axis=0)
+    for old, new in ((before.materials[i], after.materials[j]) for i, j in pairs):
+        if _opacity(old) != _opacity(new) or not look_alike(old.emissive_color, new.emissive_color):
+            return False
+    clear = np.array([not m.is_opaque for m in after.materials], bool)
+    varies = np.array([not isinstance(m.emissive_color, np.ndarray) for m in after.materials], bool)
+    return all(
+        look_alike((before.meshes[i].uvs, before.meshes[i].primvars), (after.meshes[i].uvs, after.meshes[i].primvars))
+        for i in np.unique(b.mesh[(clear | varies)[b.material]])
+    )
 
 
 def find_moved(before: Scene, after: Scene) -> Moved:

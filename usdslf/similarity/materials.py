@@ -1,7 +1,7 @@
 """Alike: what of a shot is similar to what a stroke was painted on, as a picture and as materials.
 
     painted_places(scene, strokes) -> Places, reach          the dabs
-    similarity_picture(scene, tracer, camera, size, painted, reach, weights) -> (h, w, 1)
+    similarity_picture(scene, tracer, camera, size, painted, reach, weights) -> (h, w, 1); similarity_of strokes
     alike_materials(...)                                     for strokes of scope `similar`
 
 Source: Nguyen et al. 2013, 4.3 and figure 7.
@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from usdslf.elements.elements import Elements
-from usdslf.errors import InputError
+from usdslf.errors import InputError, StrokeError
 from usdslf.scene.cameras import camera_rays
 from usdslf.scene.records import F32, Camera, Scene
 from usdslf.similarity.similarity import Places, Weights, gate, most_similar, places_at, reach_of
@@ -46,6 +46,20 @@ def painted_places(
         widths.append(s.widths[row])
     joined = Places(*(np.concatenate([getattr(p, k) for p in parts]) for k in ("position", "normal", "reflectance")))
     return joined, reach_of(joined.position, 0.5 * float(np.concatenate(widths).mean()))
+
+
+def similarity_of(
+    strokes: Sequence[Stroke], scene: Scene, tracer: RayTracer, camera: Camera, size: tuple[int, int],
+    weights: Weights | None = None, warnings: list[str] | None = None,
+) -> F32:  # fmt: skip
+    """Returns the picture (h, w, 1) of `similarity_picture` for what strokes were painted on.
+
+    Raises: StrokeError for a stroke that lies on no surface, or where there is none.
+    """
+    if not strokes:
+        raise StrokeError("similarity is to paint, and there is no stroke; paint one with: usdslf stroke")
+    painted, reach = painted_places(scene, strokes, warnings)
+    return similarity_picture(scene, tracer, camera, size, painted, reach, weights)
 
 
 def similarity_picture(

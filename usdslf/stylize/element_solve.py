@@ -194,7 +194,7 @@ class _Work:
         weight_d = upload(_by_lanes(weight[..., None]))
         present_d = upload(_by_lanes(_present(field, element, hold, self.least)[..., None]))
 
-        self.own_d.fill(np.float32(0))
+        self.device.clear(self.own_d)
         low, share = levels_of(s.roughness[element])
         for j in np.unique([low, low + 1]):
             of_own = np.where(low == j, 1 - share, np.where(low + 1 == j, share, 0))

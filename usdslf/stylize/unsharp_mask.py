@@ -172,7 +172,7 @@ def mask_light(field: LightField, near: Surroundings, amount: float) -> Any:
         kernel("turn_bins", *half, count, bins_d)
         for hidden in (0, 1):
             number = np.int32(below + 2 * hidden)
-            asked_d.fill(np.int32(0))
+            device.clear(asked_d)
             kernel("ask", place_d, number, count, asked_d)
             kernel("show", bins_d, *half, *light, *links, np.int32(hidden), count, shown_d)
             device.kernel("unsharp_mask", "take_surroundings")(

@@ -105,7 +105,7 @@ def test_the_new_material_of_one_painted_gprim_leaves_its_twin(tmp_path: Path) -
     session.solve()
     (edit,) = session.author(tmp_path / "look.usda", mode="new")
     assert edit.wins and edit.affects == ("/World/floor",)
-    scene = read_scene(open_edited(session.shot.GetRootLayer().realPath, tmp_path / "look.usda"))
+    scene = read_scene(open_edited(session.source.GetRootLayer().realPath, tmp_path / "look.usda"))
     of_mesh = {m.path: scene.materials[m.material_of_triangle[0]] for m in scene.meshes}
     assert_allclose(of_mesh["/World/floor"].diffuse_color, AFTER["diffuse"], atol=0.02)
     assert_allclose(of_mesh["/World/twin0"].diffuse_color, SHOWN["diffuse"], atol=1e-6)

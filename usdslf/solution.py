@@ -1,0 +1,185 @@
+"""Solution: what strokes, or a style, ask of a shot's materials.
+
+    solve(shot, strokes, settings) -> generator of Progress that returns a Solution
+    stylize_shot(shot, amount, radius, norm) -> the same, of unsharp masking the whole shot
+    find_solution, find_style                    the same without the generator, for one who waits
+
+The generators deliver their Solution as generators do, by `return`: `run(solve(shot, strokes), say)` is the Solution,
+and so is `value` of the StopIteration that `next` ends with.  `close` cancels; the shot and earlier Solutions stay what
+they are in any case, as work goes on with a light field of its own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Generator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
+
+import numpy as np
+
+from usdslf.edits.edits import MaterialChange
+from usdslf.errors import SolveError, StrokeError
+from usdslf.inference.answers import Answer, Painted, Pool
+from usdslf.inference.changes import changes_of
+from usdslf.inference.direct import gather_strokes, infer_changes
+from usdslf.inference.indirect import infer_indirect
+from usdslf.inference.residuals import residual_as_preview
+from usdslf.inference.weights import Options
+from usdslf.light_field.light_field import LightField
+from usdslf.progress import Progress, step, stepwise, tell
+from usdslf.shot import Shot
+from usdslf.similarity.similarity import Weights
+from usdslf.strokes.stroke import Stroke
+from usdslf.stylize.changes import restyled
+from usdslf.stylize.surroundings import find_surroundings
+from usdslf.stylize.unsharp_mask import (
+    AMOUNT,
+    RADIUS,
+    Stylized,
+    check_numbers,
+    check_surroundings,
+    editable_materials,
+    stylize_light,
+)
+
+ROUNDS = 4  # of a solve, at most; of a style two
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What a solve is told beside its strokes."""
+
+    norm: str | None = None  # l2 | l0 | mixed for all strokes; None: each stroke's own
+    choose: Mapping[str, str] = field(default_factory=dict)  # stroke name -> id of an alternative
+    weights: Options | None = None  # of the choice: `Options.of((1, 5, 25))` or `Options.of({"group": 8})`
+    similarity: Weights | None = None  # of what strokes of scope `similar` change beside the painted material
+    bounces: int | None = None  # most bounces of a round; None: the shot's
+
+    def in_words(self) -> str:
+        """Returns what is not as usual, for provenance."""
+        said = [f"norm {self.norm}" if self.norm else "", self.weights.in_words() if self.weights else ""]
+        return ", ".join(filter(None, said))
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """What was found.  It never changes, and is whole."""
+
+    strokes: tuple[Stroke, ...] = ()  # active ones; pools of the answers count them
+    answers: tuple[Answer, ...] = ()
+    stylized: Stylized | None = None
+    painted: tuple[Painted, ...] = field(default=(), repr=False)  # what the solve looked at
+    as_preview: Mapping[Pool, float] = field(default_factory=dict)  # residuals of phong, as UsdPreviewSurface shows it
+    how: str = ""  # what of the settings is not as usual
+    warnings: tuple[str, ...] = ()
+    seconds: Mapping[str, float] = field(default_factory=dict)
+
+    def changes(self, shot: Shot, mode: str = "") -> list[MaterialChange]:
+        """Returns what was found as changes of materials; mode `new` is of painted gprims only."""
+        if self.stylized is not None:
+            return restyled(self.stylized.styles, shot.scene)
+        return changes_of(list(self.answers), shot.scene, list(self.strokes), shot.light_field, mode)
+
+
+def solve(
+    shot: Shot, strokes: Sequence[Stroke], settings: Settings | None = None
+) -> Generator[Progress, None, Solution]:
+    """Finds the smallest change of materials that explains strokes; see `find_solution`.
+
+    Yields how far it is; returns the Solution (`run` hands it out).  `close` cancels.
+    """
+    return stepwise(lambda: find_solution(shot, strokes, settings))
+
+
+def stylize_shot(
+    shot: Shot, amount: float = AMOUNT, radius: float = RADIUS, norm: str = "mixed"
+) -> Generator[Progress, None, Solution]:
+    """Unsharp masks the light field of a whole shot; see `find_style`.  Yields and returns as `solve` does."""
+    return stepwise(lambda: find_style(shot, amount, radius, norm))
+
+
+def check_stroke(stroke: Stroke) -> None:
+    """Raises StrokeError for a stroke with numbers that are not finite."""
+    if not all(np.isfinite(x).all() for x in (stroke.points, stroke.widths, stroke.colors, stroke.eye)):
+        raise StrokeError(f"{stroke.path} has points, widths, colours or eyes that are not finite; paint it again")
+
+
+def find_solution(shot: Shot, strokes: Sequence[Stroke], settings: Settings | None = None) -> Solution:
+    """Finds the smallest change of materials that explains the active strokes.
+
+    Raises: StrokeError for strokes that say nothing or contradict each other, SolveError where nothing can be solved.
+
+    Source: Nguyen et al. 2013, 5.3 and 5.4.
+    """
+    s = settings or Settings()
+    active = [stroke for stroke in strokes if stroke.active]
+    if not active:
+        raise SolveError("there is no active stroke; paint one with: usdslf stroke")
+    for stroke in active:
+        check_stroke(stroke)
+    asked = [replace(stroke, norm=s.norm) if s.norm else stroke for stroke in active]
+    seconds: dict[str, float] = {}
+    said: list[str] = []
+    lights, field = shot.light_set, shot.light_field
+    field = field.with_surface(field.surface)
+    with step("evidence", seconds):
+        painted = gather_strokes(asked, shot.scene, shot.tracer, field, lights, said)
+    with step("solve", seconds):
+        answers, as_preview = _answers(shot, painted, field, s, said)
+    for a in answers:
+        if a.is_ambiguous and not a.others:
+            names = ", ".join(active[i].path for i in a.pool.strokes)
+            other = next(c.id for c in a.candidates if c.id != a.chosen.id)
+            sentence = f"{names}: {a.chosen.id} and {other} explain it about equally well; paint more or choose"
+            if sentence not in said:
+                said.append(sentence)
+    return Solution(
+        tuple(active), tuple(answers), None, tuple(painted), MappingProxyType(as_preview), s.in_words(), tuple(said),
+        MappingProxyType(seconds),
+    )  # fmt: skip
+
+
+def _answers(
+    shot: Shot, painted: list[Painted], field: LightField, s: Settings, said: list[str]
+) -> tuple[list[Answer], dict[Pool, float]]:
+    """The answers, and the residuals of those by phong as UsdPreviewSurface shows them."""
+    bounces, choose = s.bounces or shot.bounces, dict(s.choose)
+    direct: list[Answer] = []
+    as_preview: dict[Pool, float] = {}
+    if any(p.stroke.mode == "direct" for p in painted):
+        rounds = infer_changes(painted, shot.scene, field, s.weights, choose, bounces, said, s.similarity)
+        for number, direct in enumerate(rounds):  # noqa: B007
+            tell((number + 1) / ROUNDS)
+    if shot.model == "phong":
+        as_preview = {a.pool: residual_as_preview(a, painted, field) for a in direct}
+    if not any(p.stroke.mode == "indirect" for p in painted):
+        return direct, as_preview
+    indirect = infer_indirect(painted, shot.scene, field, s.weights, bounces, said, choose, direct)
+    return direct + indirect, as_preview
+
+
+def find_style(shot: Shot, amount: float = AMOUNT, radius: float = RADIUS, norm: str = "mixed") -> Solution:
+    """Unsharp masks the light field of the whole shot, and finds the reflectance that explains it.
+
+    Args:
+        amount: contrast that is added, as a multiple of what is there; 0 changes nothing.
+        radius: of the surroundings that a place is set off from, as a share of the scene's diagonal.
+        norm: l0 | mixed | l2: how freely diffuse, specular and glossiness of a place change together.
+
+    Raises: InputError for numbers that cannot be, AuthorError where no material can be edited.
+
+    Source: Nguyen et al. 2013, 7 and figure 22.
+    """
+    check_numbers(amount, radius)
+    said: list[str] = []
+    seconds: dict[str, float] = {}
+    scene = shot.scene
+    free = editable_materials(scene, [int(m) for m in np.unique(scene.triangles.material)], said)
+    field = shot.light_field
+    field = field.with_surface(field.surface)
+    with step("stylize", seconds):
+        near = find_surroundings(shot.elements, shot.tracer, radius * scene.diagonal)
+        check_surroundings(near, scene)
+        for number, found in enumerate(stylize_light(field, near, amount, radius, free, shot.bounces, norm)):  # noqa: B007
+            tell((number + 1) / 2)
+    return Solution(stylized=found, warnings=tuple(said), seconds=MappingProxyType(seconds))
