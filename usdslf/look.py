@@ -41,12 +41,21 @@ PathLike = str | os.PathLike[str]
 
 @dataclass(frozen=True, eq=False)
 class Look:
-    """A look layer as it was written."""
+    """A look layer as it was written.
+
+    Attributes:
+        path: its file.
+        edits: what was written, each with what hides and what shows it.
+        solution: what it is of, without what was not worth while as it can be written.
+        as_written: residuals of answers that vary, as the look shows them.
+        warnings: sentences.
+        seconds: by step.
+    """
 
     path: str
     edits: tuple[AuthoredEdit, ...]
-    solution: Solution  # without what was not worth while as it can be written
-    as_written: Mapping[Pool, float] = field(default_factory=dict)  # residuals of answers that vary, as the look shows
+    solution: Solution
+    as_written: Mapping[Pool, float] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
     seconds: Mapping[str, float] = field(default_factory=dict)
 
@@ -58,10 +67,15 @@ def author(
     """Writes a Solution as a look layer, and on request a review root over look, strokes and shot.
 
     Args:
+        shot: that the Solution is of; its files are not changed.
+        solution: empty: a look that changes nothing.
         path: of the look; what people added to it by hand stays.
         strokes_path: the stroke layer that the Solution is of, for provenance and the review root.
+        review_root: a layer to write over look, strokes and shot.
         mode: override (all that show the material) | new (a material for what was painted only) | class (all
             instances of the asset, by the class that it inherits); "": as each stroke's scope says.
+
+    Returns: the Look.
 
     Raises: AuthorError where it cannot be written.
     """
@@ -96,6 +110,7 @@ def render_shot(
     """Renders a shot as it is, or under a look.
 
     Args:
+        shot: it keeps its light field.
         camera: one, or its path; None: the shot's first, or one that sees everything.
         look: None: as the shot is.  What is rendered more than once is better kept: `shot.edited(look)`.
         size: width and height [pixels].

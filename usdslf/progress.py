@@ -32,10 +32,15 @@ Result = TypeVar("Result")
 
 @dataclass(frozen=True)
 class Progress:
-    """How far a step is."""
+    """How far a step is.
 
-    step: str  # "visibility"
-    share: float  # of it that is done, 0..1; it never falls
+    Attributes:
+        step: its name, say "visibility".
+        share: of it that is done, 0..1; it never falls.
+    """
+
+    step: str
+    share: float
 
 
 Hear = Callable[[Progress], None]
@@ -185,6 +190,7 @@ def run(steps: Generator[Progress, None, Result], say: Say | None = None) -> Res
     """Runs a generator of steps to its end, and returns what it returns.
 
     Args:
+        steps: of `solve`, `stylize_shot` or `stepwise`.
         say: told each; what it raises closes the generator and is raised here.
     """
     try:

@@ -10,17 +10,26 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from typing import Any
+from dataclasses import replace
+from typing import Any, Generic, TypeVar
 
+import numpy as np
 from numpy.typing import NDArray
 
+from usdslf.animation.revealed import DarkProbes
 from usdslf.edits.edits import MaterialChange
+from usdslf.elements.elements import ElementLookup, Elements
+from usdslf.gpu.device import Device
 from usdslf.inference.answers import Answer
 from usdslf.inference.weights import Options
+from usdslf.light_field.light_field import LightField
+from usdslf.light_field.visibility import Visibility
+from usdslf.lights.sources import LightSet
 from usdslf.look import Look, author, render_shot
 from usdslf.progress import Say, hearing, step
+from usdslf.rays import RayTracer
 from usdslf.report import report_of
-from usdslf.scene.records import Camera
+from usdslf.scene.records import Camera, Light, Scene
 from usdslf.shot import Shot
 from usdslf.similarity.materials import similarity_of
 from usdslf.similarity.similarity import Weights
@@ -29,13 +38,24 @@ from usdslf.strokes.stroke import Stroke
 from usdslf.stylize.unsharp_mask import AMOUNT, RADIUS, Stylized
 from usdslf.usd.layer.wins import AuthoredEdit
 
+Value = TypeVar("Value")
+
+class _OfShot(Generic[Value]):
+    """What a Session's Shot has."""
+
+    def __set_name__(self, owner: type, name: str) -> None:
+        self._name = name
+
+    def __get__(self, session: Session | None, owner: type) -> Value:
+        if session is None:
+            raise AttributeError(self._name)
+        with session._hearing():
+            found: Value = getattr(session.shot, self._name)
+            return found
+
 
 class Session:
-    """A shot, the strokes on it and what they ask for.
-
-    What a Shot has (scene, tracer, device, lights, light_set, elements, lookup, visibility, dark_probes, fixed_light,
-    light_field, stage, made, frame, ocio, element_count, bounces, refine, model) is found here too.
-    """
+    """A shot, the strokes on it and what they ask for.  What the Shot has is found here too."""
 
     def __init__(self, stage: Any, frame: float | None = None, say: Say | None = None, **options: Any) -> None:
         """Opens a shot; steps run when they are first needed.
@@ -61,11 +81,14 @@ class Session:
         with self._hearing():  # a Shot may have said something already
             pass
 
-    def __getattr__(self, name: str) -> Any:
-        if name.startswith("_") or name == "shot" or not (hasattr(Shot, name) or name in vars(self.shot)):
-            raise AttributeError(f"a Session has no '{name}'")
-        with self._hearing():
-            return getattr(self.shot, name)
+    stage, source, made, ocio = _OfShot[Any](), _OfShot[Any](), _OfShot[Any](), _OfShot[str | None]()
+    scene, device, tracer = _OfShot[Scene](), _OfShot[Device](), _OfShot[RayTracer]()
+    lights, light_set = _OfShot[tuple[Light, ...]](), _OfShot[LightSet]()
+    elements, lookup, visibility = _OfShot[Elements](), _OfShot[ElementLookup](), _OfShot[Visibility]()
+    dark_probes, fixed_light = _OfShot[DarkProbes](), _OfShot[NDArray[np.float32]]()
+    light_field = _OfShot[LightField]()
+    frame, element_count, bounces = _OfShot[float | None](), _OfShot[int](), _OfShot[int]()
+    refine, model = _OfShot[int](), _OfShot[str]()
 
     @contextmanager
     def _hearing(self) -> Iterator[None]:
@@ -88,7 +111,7 @@ class Session:
         self.strokes.append(stroke)
 
     def remove_stroke(self, name: str) -> None:
-        """Takes a stroke away; what was found is dropped."""
+        """Takes the stroke of a name away; what was found is dropped."""
         self.strokes = [s for s in self.strokes if s.name != name]
         self.solution, self.look = Solution(stylized=self.solution.stylized), None
 
@@ -96,7 +119,18 @@ class Session:
         self, norm: str | None = None, choose: Mapping[str, str] | None = None, options: Options | None = None,
         similarity: Weights | None = None,
     ) -> list[Answer]:  # fmt: skip
-        """Finds the smallest change of materials that explains the strokes; see `Settings` and `find_solution`."""
+        """Finds the smallest change of materials that explains the strokes; returns the answers.
+
+        Args:
+            norm: l2 | l0 | mixed for all strokes; None: each stroke's own.
+            choose: stroke name -> id of an alternative.
+            options: weights of the choice, `Options.of((1, 5, 25))` or `Options.of({"group": 8})`.
+            similarity: weights of what strokes of scope `similar` change beside the painted material.
+
+        Raises: StrokeError, SolveError.
+
+        Source: Nguyen et al. 2013, 5.3 and 5.4.
+        """
         settings = Settings(norm, dict(choose or {}), options, similarity)
         with self._hearing():
             found = find_solution(self.shot, self.strokes, settings)
@@ -104,7 +138,17 @@ class Session:
         return self.answers
 
     def stylize(self, amount: float = AMOUNT, radius: float = RADIUS, norm: str = "mixed") -> Stylized:
-        """Unsharp masks the light field of the whole shot; what `solve` found is dropped.  See `find_style`."""
+        """Unsharp masks the light field of the whole shot, and returns what it found; what `solve` found is dropped.
+
+        Args:
+            amount: contrast that is added, as a multiple of what is there; 0 changes nothing.
+            radius: of the surroundings that a place is set off from, as a fraction of the scene's diagonal.
+            norm: l0 | mixed | l2: how freely diffuse, specular and glossiness of a place change together.
+
+        Raises: InputError for numbers that cannot be, AuthorError where no material can be edited.
+
+        Source: Nguyen et al. 2013, 7 and figure 22.
+        """
         with self._hearing():
             found = find_style(self.shot, amount, radius, norm)
         self._accept(found)
@@ -115,7 +159,16 @@ class Session:
         self, path: str | os.PathLike[str], strokes_path: str | os.PathLike[str] | None = None,
         review_root: str | os.PathLike[str] | None = None, mode: str = "",
     ) -> list[AuthoredEdit]:  # fmt: skip
-        """Writes what was found as a look layer; see `usdslf.look.author`."""
+        """Writes what was found as a look layer; returns its edits.
+
+        Args:
+            path: of the look.
+            strokes_path: the stroke layer, for provenance and the review root.
+            review_root: a layer to write over look, strokes and shot.
+            mode: override | new | class; "": as each stroke's scope says.  See `usdslf.author`.
+
+        Raises: AuthorError where it cannot be written.
+        """
         with self._hearing():
             self.look = author(self.shot, self.solution, path, strokes_path, review_root, mode)
         self.solution = self.look.solution
@@ -123,23 +176,38 @@ class Session:
         return self.edits
 
     def camera(self, path: str | None = None) -> Camera:
-        """Returns a camera of the shot, the first one by default, or one that sees everything; see `Shot.camera`."""
+        """Returns the camera of a path, by default the first one, or one that sees everything; see `Shot.camera`."""
         with self._hearing():
             return self.shot.camera(path)
 
     def render(
         self, camera: Camera | str | None = None, size: tuple[int, int] = (640, 360), aovs: tuple[str, ...] = (),
         samples: int = 16, **options: Any,
-    ) -> dict[str, NDArray]:  # fmt: skip
-        """Renders the shot as it is; returns pictures (h, w, c) by name, `color` first.  See `render_shot`."""
+    ) -> dict[str, NDArray[np.float32]]:  # fmt: skip
+        """Renders the shot as it is; returns pictures (h, w, c) by name, `color` first.
+
+        Args:
+            camera: one, or its path; None: the shot's first, or one that sees everything.
+            size: width and height [pixels].
+            aovs: further layers.
+            samples: gathered rays a pixel.
+            options: of `usdslf.render.picture.PictureOptions`.
+        """
         with self._hearing():
             return render_shot(self.shot, camera, None, size, aovs, samples, **options)
 
     def similarity(
         self, stroke: Stroke | Sequence[Stroke], camera: Camera | str | None = None,
         size: tuple[int, int] = (640, 360), weights: Weights | None = None,
-    ) -> NDArray:  # fmt: skip
-        """Returns a picture (h, w, 1): how similar what each pixel shows is to the dabs of a stroke, or of several."""
+    ) -> NDArray[np.float32]:  # fmt: skip
+        """Returns a picture (h, w, 1): how similar what each pixel shows is to the dabs of a stroke, or of several.
+
+        Args:
+            stroke: one or several.
+            camera: as of `render`.
+            size: width and height [pixels].
+            weights: of position, normal and reflectance.
+        """
         strokes = [stroke] if isinstance(stroke, Stroke) else list(stroke)
         view = camera if isinstance(camera, Camera) else self.camera(camera)
         with self._hearing(), step("similarity", self._seconds):
@@ -151,12 +219,12 @@ class Session:
             return Session(self.shot.edited(look), say=self.say)
 
     def reopened(self, stage: Any) -> Session:
-        """Returns a session on another composition of the shot; see `Shot.reopened`."""
+        """Returns a session on another composition of the shot, a stage or its path; see `Shot.reopened`."""
         with self._hearing():
             return Session(self.shot.reopened(stage), say=self.say)
 
     def at_frame(self, frame: float) -> Session:
-        """Returns a session on the shot at another frame, with the strokes; see `Shot.at_frame`."""
+        """Returns a session on the shot at another frame, a time code, with the strokes; see `Shot.at_frame`."""
         with self._hearing():
             other = Session(self.shot.at_frame(frame), say=self.say)
         other.strokes = list(self.strokes)
@@ -173,9 +241,24 @@ class Session:
             found = report_of(self.shot, self.solution, self.look)
         return found | {"warnings": list(self.warnings), "seconds": {k: round(v, 4) for k, v in self.seconds.items()}}
 
-    answers = property(lambda self: list(self.solution.answers), doc="What `solve` found.")
-    stylized = property(lambda self: self.solution.stylized, doc="What `stylize` found.")
-    edits = property(lambda self: list(self.look.edits) if self.look else [], doc="What `author` wrote.")
+    @property
+    def answers(self) -> list[Answer]:
+        """What `solve` found."""
+        return list(self.solution.answers)
+
+    @answers.setter
+    def answers(self, answers: Sequence[Answer]) -> None:
+        self.solution = replace(self.solution, answers=tuple(answers))
+
+    @property
+    def stylized(self) -> Stylized | None:
+        """What `stylize` found."""
+        return self.solution.stylized
+
+    @property
+    def edits(self) -> list[AuthoredEdit]:
+        """What `author` wrote."""
+        return list(self.look.edits) if self.look else []
 
     @property
     def seconds(self) -> dict[str, float]:
@@ -184,7 +267,7 @@ class Session:
         return {k: self.shot.seconds.get(k, 0.0) + self._seconds.get(k, 0.0) for k in names}
 
     def warn(self, *sentences: str) -> None:
-        """Keeps warnings, each once."""
+        """Keeps warnings, `sentences`, each once."""
         self.warnings += [s for s in dict.fromkeys(sentences) if s not in self.warnings]
 
     def _accept(self, found: Solution) -> None:
@@ -199,5 +282,10 @@ class Session:
 
 
 def open(stage: Any, **options: Any) -> Session:
-    """Opens a shot; see `Session`."""
+    """Opens a shot.
+
+    Args:
+        stage: path, Usd.Stage (never written to), or a Shot.
+        options: frame, say, device, ocio, make_preview, elements, bounces, refine, model: see `Session`.
+    """
     return Session(stage, **options)

@@ -75,24 +75,41 @@ class Shot:
 
     Shared between threads as it is.  It holds a thread pool and arrays on the device as long as it lives.
 
+    Attributes:
+        source: Usd.Stage as its files have it; never written to.
+        stage: Usd.Stage that is read: `source`, with `made` over it.
+        made: materials for surfaces without UsdPreviewSurface.
+        frame: time code; None: the first frame of an animated shot.
+        ocio: OpenColorIO config.
+        element_count: surface elements that are asked for.
+        bounces: most bounces of the light field.
+        refine: levels of subdivision.
+        model: preview_surface | phong.
+        device_name: number or name of the OpenCL device.
+        seconds: of the steps that were taken so far, by step.
+        warnings: of those steps, sentences, each once.
+        lock: held by the thread that makes something.
+        laid: the other frame that the elements were laid at.
+        start: light field of another frame, where iterations start.
+
     Source: Nguyen et al. 2013, 5 and 6.
     """
 
-    source: Any  # Usd.Stage as its files have it; never written to
-    stage: Any  # Usd.Stage that is read: `source`, with `made` over it
+    source: Any
+    stage: Any
     made: PreviewMaterials | None = None
-    frame: float | None = None  # time code; None: the first frame of an animated shot
-    ocio: str | None = None  # OpenColorIO config
+    frame: float | None = None
+    ocio: str | None = None
     element_count: int = 10000
     bounces: int = 8
-    refine: int = 1  # levels of subdivision
+    refine: int = 1
     model: str = "preview_surface"
     device_name: str | Device | None = None
-    seconds: dict[str, float] = field(default_factory=dict, repr=False)  # of the steps that were taken so far
-    warnings: list[str] = field(default_factory=list, repr=False)  # of those steps, each once
-    lock: Any = field(default_factory=threading.RLock, repr=False)  # RLock
-    laid: Placed | None = field(default=None, repr=False)  # the other frame that the elements were laid at
-    start: list[LightField] = field(default_factory=list, repr=False)  # of another frame: where iterations start
+    seconds: dict[str, float] = field(default_factory=dict, repr=False)
+    warnings: list[str] = field(default_factory=list, repr=False)
+    lock: Any = field(default_factory=threading.RLock, repr=False)
+    laid: Placed | None = field(default=None, repr=False)
+    start: list[LightField] = field(default_factory=list, repr=False)
 
     @staticmethod
     def open(
@@ -137,7 +154,7 @@ class Shot:
         return root.realPath or root.identifier
 
     def warn(self, *sentences: str) -> None:
-        """Keeps warnings, each once."""
+        """Keeps warnings, `sentences`, each once."""
         self.warnings.extend(s for s in dict.fromkeys(sentences) if s not in self.warnings)
 
     # ── what is made at first use ──────────────────────────────────────────────────────────────
@@ -278,7 +295,7 @@ class Shot:
         return other
 
     def at_frame(self, frame: float) -> Shot:
-        """Returns the shot at another frame.
+        """Returns the shot at another frame, a time code.
 
         Elements keep the places that they were laid at on what moved, whatever frames came between, and visibility is
         traced again only where that can have changed it.  Surfaces that see light only now get new elements.  Where

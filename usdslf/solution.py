@@ -47,13 +47,21 @@ ROUNDS = 4  # of a solve, at most; of a style two
 
 @dataclass(frozen=True)
 class Settings:
-    """What a solve is told beside its strokes."""
+    """What a solve is told beside its strokes.
 
-    norm: str | None = None  # l2 | l0 | mixed for all strokes; None: each stroke's own
-    choose: Mapping[str, str] = field(default_factory=dict)  # stroke name -> id of an alternative
-    weights: Options | None = None  # of the choice: `Options.of((1, 5, 25))` or `Options.of({"group": 8})`
-    similarity: Weights | None = None  # of what strokes of scope `similar` change beside the painted material
-    bounces: int | None = None  # most bounces of a round; None: the shot's
+    Attributes:
+        norm: l2 | l0 | mixed for all strokes; None: each stroke's own.
+        choose: stroke name -> id of an alternative.
+        weights: of the choice: `Options.of((1, 5, 25))` or `Options.of({"group": 8})`.
+        similarity: weights of what strokes of scope `similar` change beside the painted material.
+        bounces: most bounces of a round; None: the shot's.
+    """
+
+    norm: str | None = None
+    choose: Mapping[str, str] = field(default_factory=dict)
+    weights: Options | None = None
+    similarity: Weights | None = None
+    bounces: int | None = None
 
     def in_words(self) -> str:
         """Returns what is not as usual, for provenance."""
@@ -63,19 +71,35 @@ class Settings:
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """What was found.  It never changes, and is whole."""
+    """What was found.  It never changes, and is whole.
 
-    strokes: tuple[Stroke, ...] = ()  # active ones; pools of the answers count them
+    Attributes:
+        strokes: the active ones; pools of the answers count them.
+        answers: one for each material and scope that was painted, or that an indirect stroke changes.
+        stylized: what became of a shot that was stylized; None: strokes were solved.
+        painted: strokes with their samples, what the solve looked at.
+        as_preview: residuals of answers by phong, as UsdPreviewSurface shows them.
+        how: what of the settings is not as usual, in words.
+        warnings: sentences.
+        seconds: by step.
+    """
+
+    strokes: tuple[Stroke, ...] = ()
     answers: tuple[Answer, ...] = ()
     stylized: Stylized | None = None
-    painted: tuple[Painted, ...] = field(default=(), repr=False)  # what the solve looked at
-    as_preview: Mapping[Pool, float] = field(default_factory=dict)  # residuals of phong, as UsdPreviewSurface shows it
-    how: str = ""  # what of the settings is not as usual
+    painted: tuple[Painted, ...] = field(default=(), repr=False)
+    as_preview: Mapping[Pool, float] = field(default_factory=dict)
+    how: str = ""
     warnings: tuple[str, ...] = ()
     seconds: Mapping[str, float] = field(default_factory=dict)
 
     def changes(self, shot: Shot, mode: str = "") -> list[MaterialChange]:
-        """Returns what was found as changes of materials; mode `new` is of painted gprims only."""
+        """Returns what was found as changes of materials.
+
+        Args:
+            shot: that this is of.
+            mode: as of `author`; `new` is of painted gprims only.
+        """
         if self.stylized is not None:
             return restyled(self.stylized.styles, shot.scene)
         return changes_of(list(self.answers), shot.scene, list(self.strokes), shot.light_field, mode)
@@ -84,9 +108,19 @@ class Solution:
 def solve(
     shot: Shot, strokes: Sequence[Stroke], settings: Settings | None = None
 ) -> Generator[Progress, None, Solution]:
-    """Finds the smallest change of materials that explains strokes; see `find_solution`.
+    """Finds the smallest change of materials that explains strokes.
+
+    Args:
+        shot: stays as it is; several may be solved at once.
+        strokes: those that are active count.
+        settings: None: as usual.
 
     Yields how far it is; returns the Solution (`run` hands it out).  `close` cancels.
+
+    Raises, when it is run: StrokeError for strokes that say nothing or contradict each other, SolveError where nothing
+    can be solved.
+
+    Source: Nguyen et al. 2013, 5.3 and 5.4.
     """
     return stepwise(lambda: find_solution(shot, strokes, settings))
 
@@ -94,7 +128,18 @@ def solve(
 def stylize_shot(
     shot: Shot, amount: float = AMOUNT, radius: float = RADIUS, norm: str = "mixed"
 ) -> Generator[Progress, None, Solution]:
-    """Unsharp masks the light field of a whole shot; see `find_style`.  Yields and returns as `solve` does."""
+    """Unsharp masks the light field of a whole shot.  Yields and returns as `solve` does.
+
+    Args:
+        shot: stays as it is.
+        amount: contrast that is added, as a multiple of what is there; 0 changes nothing.
+        radius: of the surroundings that a place is set off from, as a fraction of the scene's diagonal.
+        norm: l0 | mixed | l2: how freely diffuse, specular and glossiness of a place change together.
+
+    Raises, when it is run: InputError for numbers that cannot be, AuthorError where no material can be edited.
+
+    Source: Nguyen et al. 2013, 7 and figure 22.
+    """
     return stepwise(lambda: find_style(shot, amount, radius, norm))
 
 

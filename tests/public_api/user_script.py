@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import sys
 
 import numpy as np
@@ -24,6 +25,20 @@ def strokes_of(session: usdslf.Session, path: str) -> list[usdslf.Stroke]:
 def size_of(scene: usdslf.Scene) -> float:
     low, high = scene.bounds
     return float(np.linalg.norm(high - low)) * scene.meters_per_unit
+
+
+def follow(path: str, strokes: list[usdslf.Stroke]) -> usdslf.Look:
+    shot = usdslf.Shot.open(path, elements=4000)
+    settings = usdslf.Settings(norm="mixed")
+    solution: usdslf.Solution = usdslf.run(usdslf.solve(shot, strokes, settings), lambda step, share: None)
+    styled = usdslf.stylize_shot(shot, 0.5)
+    first: usdslf.Progress = next(styled)
+    styled.close()
+    print(first.step, first.share)
+    look: usdslf.Look = usdslf.author(shot, solution, "look.usda")
+    with contextlib.suppress(usdslf.Cancelled):
+        usdslf.run(usdslf.stepwise(lambda: usdslf.render_shot(shot, None, look)["color"]))
+    return look
 
 
 def main() -> int:

@@ -6,7 +6,9 @@ line, and a traceback only with --debug.
 
 from __future__ import annotations
 
+import signal
 import sys
+import threading
 import traceback
 
 import click
@@ -25,6 +27,7 @@ from usdslf.cli.commands.stylize import stylize
 from usdslf.cli.program import Program, Settings
 from usdslf.cli.terminal import log_as_warnings
 from usdslf.errors import InputError, UsdslfError
+from usdslf.progress import forget_interrupt, interrupt
 
 
 @click.group(cls=Program, context_settings={"help_option_names": ["-h", "--help"]})
@@ -40,15 +43,25 @@ for command in (info, review, render, stroke, solve, stylize, demo, bench, docto
 def main(arguments: list[str] | None = None) -> int:
     """Runs the program and returns its exit code."""
     options = Settings()
+    forget_interrupt()
+    on_main = threading.current_thread() is threading.main_thread()
+    before = signal.signal(signal.SIGINT, interrupt) if on_main else None
+    try:
+        return _run(arguments, options)
+    finally:
+        if on_main:
+            signal.signal(signal.SIGINT, before or signal.SIG_DFL)
+
+
+def _run(arguments: list[str] | None, options: Settings) -> int:
     try:
         with log_as_warnings(lambda: options.quiet):
             code = program.main(args=arguments, prog_name="usdslf", standalone_mode=False, obj=options)
         return code if isinstance(code, int) else 0
-    except click.exceptions.Abort:
-        return _say("interrupted", 130)
     except click.ClickException as error:
         return _say(_usage_message(error), InputError.exit_code)
-    except KeyboardInterrupt:
+    except (KeyboardInterrupt, click.exceptions.Abort):
+        signal.signal(signal.SIGINT, signal.SIG_IGN)  # what is cleaned up now is not disturbed
         return _say("interrupted", 130)
     except Exception as error:
         if options.debug:

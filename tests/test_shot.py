@@ -1,0 +1,213 @@
+"""Shots: what compositions and frames of a shot share, work on several threads, and work that is cancelled."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from kit.stage_parts import StageBuilder
+from pxr import Gf, Sdf, Usd, UsdLux
+
+from usdslf import Cancelled, Progress, Session, Settings, Shot, Solution, Stroke, render_shot, run, solve, stepwise
+from usdslf.progress import hearing, step, tell
+from usdslf.scene.difference import is_same_but_for_reflectance
+
+
+def build(folder: Path, **floor: object) -> Path:
+    """A floor and a ball under a lamp."""
+    b = StageBuilder(folder)
+    look = b.material("floor", diffuseColor=(0.4, 0.3, 0.2), roughness=0.4, **floor)
+    b.sphere("ball", 0.4, b.material("ball", diffuseColor=(0.2, 0.4, 0.6), roughness=0.3, opacity=1.0), (0, 0.4, 0))
+    b.cube("floor", (3, 0.1, 3), look, (0, -0.05, 0))
+    lamp = UsdLux.SphereLight.Define(b.stage, "/World/lamp")
+    lamp.CreateRadiusAttr(0.2)
+    lamp.CreateIntensityAttr(30.0)
+    lamp.AddTranslateOp().Set(Gf.Vec3d(0.8, 2.0, 0.6))
+    b.camera((0, 1.2, 2.5), (0, 0.3, 0))
+    return b.save()
+
+
+def over(stage: Path, name: str, values: dict[str, Any]) -> Path:
+    """A composition of the shot that sets attributes in a stronger layer."""
+    layer = Sdf.Layer.CreateNew(str(stage.with_name(name)))
+    layer.subLayerPaths.append(f"./{stage.name}")
+    layer.Save()
+    other = Usd.Stage.Open(layer)
+    for path, value in values.items():
+        other.GetAttributeAtPath(path).Set(value)
+    layer.Save()
+    return stage.with_name(name)
+
+
+def dabs(shot: Shot, at: list[tuple[float, float]], color: tuple[float, float, float]) -> Stroke:
+    from usdslf import paint_stroke
+
+    return paint_stroke(shot.scene, shot.tracer, shot.camera(), [[p] for p in at], 0.03, color, aspect=16 / 9)
+
+
+@pytest.fixture(scope="module")
+def stage(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return build(tmp_path_factory.mktemp("shot"))
+
+
+@pytest.fixture(scope="module")
+def shot(stage: Path) -> Shot:
+    return Shot.open(str(stage), elements=400, bounces=3)
+
+
+AT = [(0.3, 0.8), (0.4, 0.85), (0.6, 0.8), (0.7, 0.85)]
+
+
+def test_a_composition_with_another_light_has_its_own_light(shot: Shot, stage: Path) -> None:
+    dark = over(stage, "dark.usda", {"/World/lamp.inputs:intensity": 3.0})
+    shown, afresh = shot.reopened(str(dark)), Shot.open(str(dark), elements=400, bounces=3)
+    np.testing.assert_allclose(shown.fixed_light.sum(), afresh.fixed_light.sum(), rtol=1e-5)
+    assert shown.fixed_light.sum() < 0.2 * shot.fixed_light.sum()
+
+
+def test_a_composition_that_is_seen_through_lets_light_pass(shot: Shot, stage: Path) -> None:
+    clear = over(stage, "clear.usda", {"/World/mtl/ball/surface.inputs:opacity": 0.2})
+    shown = shot.reopened(str(clear))
+    afresh = Shot.open(str(clear), elements=400, bounces=3)
+    assert not is_same_but_for_reflectance(shot.scene, shown.scene)
+    np.testing.assert_array_equal(shown.visibility.hit, afresh.visibility.hit)
+
+
+def test_a_composition_of_other_reflectance_shares_all_but_it(shot: Shot, stage: Path) -> None:
+    red = over(stage, "red.usda", {"/World/mtl/ball/surface.inputs:diffuseColor": Gf.Vec3f(0.8, 0.1, 0.1)})
+    shown = shot.reopened(str(red))
+    assert shown.visibility is shot.visibility and shown.lookup is shot.lookup
+    assert shown.fixed_light is shot.fixed_light and shown.elements is not shot.elements
+
+
+def test_a_frame_of_a_shot_with_made_materials_is_one_of_the_plain_shot(stage: Path) -> None:
+    session = Session(str(stage), elements=150, bounces=1, make_preview=True)
+    other = session.at_frame(2.0)
+    assert other.made is session.made and other.stage is session.stage
+    assert other.source is session.source
+    assert not other.source.GetRootLayer().anonymous
+
+
+def test_solves_and_a_picture_of_one_shot_at_once_give_what_each_gives_alone(shot: Shot) -> None:
+    red, blue = dabs(shot, AT, (0.5, 0.1, 0.1)), dabs(shot, AT, (0.1, 0.1, 0.4))
+    work: dict[str, Callable[[], Any]] = {
+        "red": lambda: after(run(solve(shot, [red]))),
+        "blue": lambda: after(run(solve(shot, [blue], Settings(norm="l2")))),
+        "picture": lambda: render_shot(shot, None, None, (96, 54), samples=4)["color"].tobytes(),
+    }
+    alone = {name: call() for name, call in work.items()}
+    for _ in range(2):
+        at_once: dict[str, Any] = {}
+        threads = [
+            threading.Thread(target=lambda n, c, into: into.update({n: c()}), args=(n, c, at_once))
+            for n, c in work.items()
+        ]
+        for t in threads:
+            t.start()
+        for t in threads:
+            t.join()
+        assert at_once == alone
+
+
+def after(solution: Solution) -> list[tuple]:
+    return [
+        (a.chosen.id, *(v.tobytes() for v in a.after.values()), a.residual_after, a.rounds) for a in solution.answers
+    ]
+
+
+def test_what_is_made_at_once_by_several_threads_is_made_once(stage: Path) -> None:
+    shot = Shot.open(str(stage), elements=150, bounces=1)
+    found: list[Any] = []
+    threads = [threading.Thread(target=lambda: found.append(shot.elements)) for _ in range(4)]
+    for t in threads:
+        t.start()
+    for t in threads:
+        t.join()
+    assert len({id(x) for x in found}) == 1 and len(found) == 4
+
+
+def test_a_solve_that_is_closed_anywhere_changes_nothing(shot: Shot) -> None:
+    stroke = dabs(shot, AT, (0.5, 0.1, 0.1))
+    field = shot.light_field
+    before, whole = shot.device.download(field.outgoing_d).tobytes(), after(run(solve(shot, [stroke])))
+    said = list(solve(shot, [stroke]))
+    assert [p.share for p in said if p.step == "solve"] == sorted(p.share for p in said if p.step == "solve")
+    for count in (1, len(said) // 3, 2 * len(said) // 3, len(said) - 1):
+        steps = solve(shot, [stroke])
+        for _ in range(count):
+            next(steps)
+        began = time.perf_counter()
+        steps.close()
+        assert time.perf_counter() - began < 1  # its thread stands still: nothing is waited for
+    assert shot.device.download(shot.light_field.outgoing_d).tobytes() == before
+    assert shot.light_field is field and after(run(solve(shot, [stroke]))) == whole
+
+
+def test_what_a_session_hears_can_end_its_work_and_the_last_answer_stays(stage: Path) -> None:
+    session = Session(str(stage), elements=200, bounces=1)
+    session.add_stroke(dabs(session.shot, AT, (0.5, 0.1, 0.1)))
+    session.solve()
+    kept = session.solution
+
+    def stop(step: str, share: float) -> None:
+        if step == "solve":
+            raise Cancelled
+
+    session.say = stop
+    with pytest.raises(Cancelled):
+        session.solve(norm="l2")
+    assert session.solution is kept
+
+
+def test_work_that_is_cancelled_while_it_makes_something_leaves_what_was_made_before(stage: Path) -> None:
+    shot = Shot.open(str(stage), elements=200, bounces=1)
+    steps = stepwise(lambda: shot.light_field)
+    for progress in steps:
+        if progress.step == "visibility":
+            break
+    steps.close()
+    assert "elements" in vars(shot) and "visibility" not in vars(shot)
+    assert len(shot.visibility.hit) == len(shot.elements)
+
+
+# ── progress itself ──────────────────────────────────────────────────────────────────────────────
+
+
+def test_a_function_is_a_generator_of_what_it_tells() -> None:
+    done: list[int] = []
+
+    def work() -> str:
+        with step("count"):
+            for i in range(4):
+                done.append(i)
+                tell((i + 1) / 4)
+        return "counted"
+
+    steps = stepwise(work)
+    assert next(steps) == Progress("count", 0.0) and done == []  # nothing is done that was not asked for
+    assert next(steps) == Progress("count", 0.25) and done == [0]
+    steps.close()
+    assert done == [0]
+    done.clear()
+    assert run(stepwise(work)) == "counted" and done == [0, 1, 2, 3]
+
+
+def test_an_error_of_the_work_is_one_of_the_generator() -> None:
+    def work() -> None:
+        tell()
+        raise ValueError("no such thing")
+
+    with pytest.raises(ValueError, match="no such thing"):
+        run(stepwise(work))
+
+
+def test_time_of_a_step_within_another_is_its_own() -> None:
+    seconds: dict[str, float] = {}
+    with hearing(lambda progress: None), step("outer", seconds), step("inner", seconds):
+        time.sleep(0.05)
+    assert seconds["inner"] >= 0.05 > seconds["outer"]
