@@ -21,9 +21,9 @@ from numpy.typing import NDArray
 from usdslf.color import Color, color_of
 from usdslf.edits.edits import MaterialChange
 from usdslf.elements.elements import refresh_reflectance
+from usdslf.inference.answer_residuals import residual_as_written
 from usdslf.inference.answers import Pool
 from usdslf.inference.changes import with_varying
-from usdslf.inference.residuals import residual_as_written
 from usdslf.light_field.light_field import Surface
 from usdslf.progress import step, tell
 from usdslf.render.picture import LitScene, PictureOptions, render_bands
@@ -150,6 +150,7 @@ def _write(
         "workingSpace": shot.scene.working_space,
         "device": shot.device.name,
         "solve": _how(shot, solution),
+        **({"frame": shot.scene.frame} if np.isfinite(shot.scene.frame) else {}),
     }
     check_look_place(shot.source, path)
     with step("author", seconds):

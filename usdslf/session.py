@@ -18,7 +18,8 @@ from numpy.typing import NDArray
 
 from usdslf.animation.revealed import DarkProbes
 from usdslf.edits.edits import MaterialChange
-from usdslf.elements.elements import ElementLookup, Elements
+from usdslf.elements.elements import Elements
+from usdslf.elements.lookup import ElementLookup
 from usdslf.gpu.device import Device
 from usdslf.inference.answers import Answer
 from usdslf.inference.weights import Options

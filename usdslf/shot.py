@@ -20,7 +20,8 @@ from numpy.typing import NDArray
 
 from usdslf.animation.frames import Placed, carry
 from usdslf.animation.revealed import DarkProbes, probe_dark
-from usdslf.elements.elements import ElementLookup, Elements, refresh_reflectance, sample_elements
+from usdslf.elements.elements import Elements, refresh_reflectance, sample_elements
+from usdslf.elements.lookup import ElementLookup
 from usdslf.errors import InputError, StageError
 from usdslf.gpu.device import Device, open_device
 from usdslf.light_field.light_field import LightField, require_memory
@@ -34,11 +35,12 @@ from usdslf.render.overview_camera import overview_camera
 from usdslf.scene.difference import Afresh, is_same_but_for_reflectance, why_not_comparable
 from usdslf.scene.records import Camera, Light, Scene
 from usdslf.surfaces.reflectance import MODELS
+from usdslf.usd.border import quiet_usd
 from usdslf.usd.edited import open_edited
 from usdslf.usd.layer.wins import compose_over
 from usdslf.usd.preview.preview_material import PreviewMaterials
 from usdslf.usd.preview.preview_material import make_preview as make_preview_materials
-from usdslf.usd.read.read import open_stage, quiet_usd, read_scene
+from usdslf.usd.read.read import open_stage, read_scene
 
 MOST_ELEMENTS = (1 << 22) - 1
 Value = TypeVar("Value")

@@ -19,11 +19,11 @@ import numpy as np
 
 from usdslf.edits.edits import MaterialChange
 from usdslf.errors import SolveError, StrokeError
+from usdslf.inference.answer_residuals import residual_as_preview
 from usdslf.inference.answers import Answer, Painted, Pool
 from usdslf.inference.changes import changes_of
 from usdslf.inference.direct import gather_strokes, infer_changes
 from usdslf.inference.indirect import infer_indirect
-from usdslf.inference.residuals import residual_as_preview
 from usdslf.inference.weights import Options
 from usdslf.light_field.light_field import LightField
 from usdslf.progress import Progress, step, stepwise, tell
