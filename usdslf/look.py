@@ -20,9 +20,12 @@ from numpy.typing import NDArray
 
 from usdslf.color import Color, color_of
 from usdslf.edits.edits import MaterialChange
+from usdslf.edits.read_back import why_missing
 from usdslf.elements.elements import refresh_reflectance
+from usdslf.errors import AuthorError
 from usdslf.inference.answer_residuals import residual_as_written
 from usdslf.inference.answers import Pool
+from usdslf.inference.asked import asked_of
 from usdslf.inference.changes import with_varying
 from usdslf.light_field.light_field import Surface
 from usdslf.progress import step, tell
@@ -31,7 +34,9 @@ from usdslf.scene.records import Camera
 from usdslf.shot import Shot, converge
 from usdslf.solution import Solution
 from usdslf.stylize.changes import with_styles
+from usdslf.surfaces.reflectance import model_of
 from usdslf.usd.author.author import author_look, author_review_root, check_look_place
+from usdslf.usd.author.read_back import kept_unless_whole, scene_under
 from usdslf.usd.layer.baked_files import textures_folder
 from usdslf.usd.layer.wins import AuthoredEdit
 
@@ -81,7 +86,7 @@ def author(
     """
     said: list[str] = []
     seconds: dict[str, float] = {}
-    if shot.model == "phong":
+    if not model_of(shot.model).is_authored:
         said.append(_of_phong(solution))
     while True:
         edits = _write(shot, solution, path, strokes_path, review_root, mode, said, seconds)
@@ -153,16 +158,32 @@ def _write(
         **({"frame": shot.scene.frame} if np.isfinite(shot.scene.frame) else {}),
     }
     check_look_place(shot.source, path)
-    with step("author", seconds):
+    with step("author", seconds), kept_unless_whole(path):
         changes = _with_textures(shot, solution, solution.changes(shot, mode), path, color, said)
         tell()
         edits = author_look(
-            shot.source, changes, path, provenance, strokes_path, warnings=said, color=color, mode=mode, made=shot.made
-        )
+            shot.source, changes, path, provenance, strokes_path, warnings=said, color=color, mode=mode, made=shot.made,
+            frame=shot.scene.frame,
+        )  # fmt: skip
         tell()
+        _require_shown(shot, solution, path, edits, said)
         if review_root is not None:
             author_review_root(review_root, path, strokes_path, shot.source.GetRootLayer().realPath)
     return edits
+
+
+def _require_shown(
+    shot: Shot, solution: Solution, look: PathLike, edits: list[AuthoredEdit], said: list[str]
+) -> None:
+    """Reads the look back at what was painted; what it does not show is said, or refused where nothing hides it."""
+    asked = asked_of(list(solution.answers), list(solution.painted), shot.scene)
+    if not asked:
+        return
+    under = scene_under(shot.source, look, shot.frame, shot.refine, shot.ocio)
+    missing = why_missing(asked, shot.scene, under)
+    if missing and all(e.wins for e in edits):
+        raise AuthorError(f"{missing[0]}; nothing is written to {look}: solve with --scope prim or --mode new")
+    _say(said, *missing)
 
 
 def _with_textures(

@@ -34,7 +34,7 @@ from usdslf.rays import RayTracer
 from usdslf.render.overview_camera import overview_camera
 from usdslf.scene.difference import Afresh, is_same_but_for_reflectance, why_not_comparable
 from usdslf.scene.records import Camera, Light, Scene
-from usdslf.surfaces.reflectance import MODELS
+from usdslf.surfaces.reflectance import model_of
 from usdslf.usd.border import quiet_usd
 from usdslf.usd.edited import open_edited
 from usdslf.usd.layer.wins import compose_over
@@ -135,14 +135,13 @@ class Shot:
         unknown = sorted(quality.keys() - {"elements", "bounces", "refine", "model"})
         if unknown:
             raise TypeError(f"there is no option '{unknown[0]}'; choose from elements, bounces, refine, model")
-        elements, model = quality.get("elements", 10000), quality.get("model", MODELS[0])
+        elements, model = quality.get("elements", 10000), quality.get("model", "preview_surface")
         bounces, refine = quality.get("bounces", 8), quality.get("refine", 1)
         if not 1 <= elements <= MOST_ELEMENTS:
             raise InputError(f"--elements {elements} is not in 1 .. {MOST_ELEMENTS}")
         if bounces < 1:
             raise InputError(f"--bounces {bounces} is less than 1")
-        if model not in MODELS:
-            raise InputError(f"unknown reflectance model '{model}'; choose one of {', '.join(MODELS)}")
+        model_of(model)
         source = open_stage(stage) if isinstance(stage, (str, os.PathLike)) else stage
         made = make_preview_materials(source, ocio) if make_preview else None
         with quiet_usd():

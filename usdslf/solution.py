@@ -41,6 +41,7 @@ from usdslf.stylize.unsharp_mask import (
     editable_materials,
     stylize_light,
 )
+from usdslf.surfaces.reflectance import model_of
 
 ROUNDS = 4  # of a solve, at most; of a style two
 
@@ -195,7 +196,7 @@ def _answers(
         rounds = infer_changes(painted, shot.scene, field, s.weights, choose, bounces, said, s.similarity)
         for number, direct in enumerate(rounds):  # noqa: B007
             tell((number + 1) / ROUNDS)
-    if shot.model == "phong":
+    if not model_of(shot.model).is_authored:
         as_preview = {a.pool: residual_as_preview(a, painted, field) for a in direct}
     if not any(p.stroke.mode == "indirect" for p in painted):
         return direct, as_preview

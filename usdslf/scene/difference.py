@@ -100,7 +100,9 @@ def is_same_but_for_reflectance(before: Scene, after: Scene) -> bool:
     Materials may be others and more of them: then elements, what they see and the light on them are the same.
     """
     a, b = before.triangles, after.triangles
-    if before.origin != after.origin or not all(look_alike(getattr(a, name), getattr(b, name)) for name in ("positions", "normals", "mesh")):
+    if before.origin != after.origin:
+        return False
+    if not all(look_alike(getattr(a, name), getattr(b, name)) for name in ("positions", "normals", "mesh")):
         return False
     if not (look_alike(before.lights, after.lights) and look_alike(before.cameras, after.cameras)):
         return False
