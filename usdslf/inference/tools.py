@@ -59,7 +59,7 @@ BLUR_POINTS = 36  # of a dab
 BLUR_EYES = 4  # directions of each point
 MOST_CONTRAST = 4.0  # that sharpen asks for
 SHAPE_ERROR = 0.12  # relative, of what blur and sharpen ask for
-THIN = 4  # one ray of so many for each of these
+THIN = 1  # one ray of so many for each of these
 
 
 @dataclass(frozen=True)
