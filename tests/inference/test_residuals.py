@@ -36,6 +36,7 @@ def tables(rng: np.random.Generator) -> Tables:
     return Tables(
         target=target, scale=relative_scale(target), place=rng.random((N, 3)), stroke=np.zeros(N, np.int64),
         has_one_color=np.zeros(N, bool), dabs=b, factor_u=b.u * d, factor_w=b.w * d, factor_v=b.v * f0,
+        swatch=np.full(len(target), -1),
         background=Bilinear.empty(LEVELS), background_scale=np.zeros((0, 3)), elsewhere=Bilinear.empty(LEVELS),
         dab_levels=rng.random((N, LEVELS)), levels=np.array([0.2, 0.5]), diffuse=d.mean((0, 1)), f0=f0.mean((0, 1)),
         roughness=0.5, is_metal=False, is_textured=True, is_textured_f0=True,

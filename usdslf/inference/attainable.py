@@ -10,8 +10,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from usdslf.inference.bilinear import Tables
 from usdslf.inference.candidate import Candidate
+from usdslf.inference.evidence import mean_by
 from usdslf.inference.residuals import relative_rms, relative_scale
 from usdslf.inference.solve import relative_error
 
@@ -42,11 +45,19 @@ def dimming(t: Tables) -> float:
 
 
 def error_of(t: Tables, c: Candidate) -> float:
-    """Relative error of a candidate; of its mean colour where every stroke has one colour only."""
+    """Relative error of a candidate; of the mean colours of dabs that share one: they say no more than that."""
     if not t.has_one_color.all():
-        return relative_error(t, c)
+        return relative_error(t, c) if (t.swatch < 0).all() else _error_of_swatches(t, c)
     painted = t.target.mean(0)
     return relative_rms(c.radiance(t).mean(0), painted, relative_scale(painted))
+
+
+def _error_of_swatches(t: Tables, c: Candidate) -> float:
+    """Relative root mean square over the dabs, each of them as the mean of all that share its colour."""
+    alone = -1 - np.arange(len(t.swatch))
+    _, group = np.unique(np.where(t.swatch < 0, alone, t.swatch), return_inverse=True)
+    radiance, target, scale = (mean_by(x, group)[group] for x in (c.radiance(t), t.target, t.scale))
+    return relative_rms(radiance, target, scale)
 
 
 def explains_nothing(before: float, after: float) -> bool:

@@ -13,11 +13,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from usdslf.inference.evidence import Evidence, mean_by
+from usdslf.inference.evidence import Evidence, mean_by, varies
 from usdslf.inference.residuals import mean_by_stroke, relative_scale
 from usdslf.scene.records import F64
 from usdslf.surfaces.reflectance import is_metal, model_of
 
+SHARED = 3  # dabs of one colour that were painted with one swatch, and do not say how they differ
+MOST_SWATCHES = 1 << 16  # of a stroke
 TEXTURED = 5e-3  # standard deviation of a reflectance over the dabs, above which it varies
 
 
@@ -71,6 +73,7 @@ class Tables:
     place: F64  # (n, 3) position of each dab
     stroke: NDArray[np.int64]  # (n,) which stroke
     has_one_color: NDArray[np.bool_]  # (n,) its stroke does
+    swatch: NDArray[np.int64]  # (n,) which colour it shares with dabs of its stroke, -1: its own; see `swatches`
     dabs: Bilinear  # (n, J, 3)
     factor_u: F64  # (n, J, 3) U and W of a factor on d, V of one on F0, instead of a term, for textured colours
     factor_w: F64
@@ -86,6 +89,7 @@ class Tables:
     is_metal: bool  # F90 follows F0, no diffuse reflection
     is_textured: bool  # d varies
     is_textured_f0: bool = False
+    is_textured_roughness: bool = False  # glossiness changes by a factor
     most_diffuse: float = 1.0  # that the material can reflect: its opacity, where it is seen through
     must_hold_energy: bool = False  # d + F0 <= 1 is for the fit to keep
 
@@ -118,6 +122,8 @@ class _Rows:
     place: F64
     stroke: NDArray
     has_one_color: NDArray
+    swatch: NDArray
+    varied: NDArray
     dabs: Bilinear
     factor_u: F64
     factor_w: F64
@@ -154,6 +160,7 @@ def pool_tables(evidences: list[Evidence], material: int, model: str = "preview_
         place=cat("place"),
         stroke=stroke,
         has_one_color=cat("has_one_color"),
+        swatch=np.where(cat("swatch") < 0, -1, cat("swatch") + MOST_SWATCHES * stroke),
         dabs=dabs,
         factor_u=cat("factor_u"),
         factor_w=cat("factor_w"),
@@ -169,6 +176,7 @@ def pool_tables(evidences: list[Evidence], material: int, model: str = "preview_
         is_metal=is_metal(d, f0, cat("f90")),
         is_textured=bool(d.std(0).max() > TEXTURED),
         is_textured_f0=bool(f0.std(0).max() > TEXTURED),
+        is_textured_roughness=bool(cat("varied").any()),
         most_diffuse=float(np.clip(cat("opacity").min(), 0, 1)),
         must_hold_energy=not model_of(model).has_fresnel,
     )
@@ -194,6 +202,8 @@ def _rows_of(e: Evidence, material: int, index: int, model: str) -> _Rows:
         place=mean(s.position.astype(np.float64)),
         stroke=np.full(len(here), index),
         has_one_color=np.full(len(here), e.stroke.tool == "replace" and is_even),
+        swatch=swatches(colors, is_even) if e.stroke.tool == "replace" else np.full(len(here), -1),
+        varied=np.full(len(here), varies(e.levels[:, -1])),
         dabs=Bilinear(mean(b.p), mean(b.u), mean(b.v), mean(b.w)),
         factor_u=mean(b.u * d[:, None]),
         factor_w=mean(b.w * d[:, None]),
@@ -206,6 +216,21 @@ def _rows_of(e: Evidence, material: int, index: int, model: str) -> _Rows:
         f0=mean(f0),
         f90=mean(f90),
     )
+
+
+def swatches(colors: F64, is_even: bool) -> NDArray[np.int64]:
+    """Returns which colour (n,) each dab shares with SHARED - 1 others or more, -1 where it has one of its own.
+
+    Args:
+        colors: (n, 3) that were painted.
+        is_even: all count as one colour.
+    """
+    if is_even or not len(colors):
+        return np.zeros(len(colors), np.int64)
+    step = 1e-3 * max(float(np.abs(colors).mean()), 1e-9)
+    _, which, count = np.unique(np.round(colors / step), axis=0, return_inverse=True, return_counts=True)
+    which = which.reshape(-1)
+    return np.where(count[which] >= SHARED, which, -1)
 
 
 def bilinear(columns: F64, d: F64, f0: F64, f90: F64, tied: bool, model: str) -> Bilinear:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from usdslf.inference.bilinear import Bilinear, Tables
 from usdslf.scene.records import F64
-from usdslf.surfaces.reflectance import Parameters
+from usdslf.surfaces.reflectance import Parameters, moved_roughness
 
 GROUPS = ("diffuse", "specular", "glossiness")
 
@@ -29,6 +29,7 @@ class Candidate:
     cost: float = 0.0
     is_admitted: bool = True  # by the norm; what is not can be chosen by its name alone
     is_metallic: bool = False  # a dielectric becomes a metal: no diffuse reflection, F90 follows F0
+    roughness_mean: float = 0.0  # where the shift is that of a factor on roughness which varies: its mean, else 0
 
     @property
     def id(self) -> str:
@@ -97,7 +98,7 @@ class Candidate:
 
     def roughness_of(self, r: NDArray) -> NDArray:
         """Applies the change to roughness."""
-        return np.clip(r + self.roughness_shift, 0.001, 1) if "glossiness" in self.freed else r
+        return moved_roughness(r, self.roughness_shift, self.roughness_mean) if "glossiness" in self.freed else r
 
 
 def is_grey(c: Candidate) -> bool:

@@ -69,7 +69,7 @@ def _change(answer: Answer, scene: Scene, strokes: Sequence[Stroke], mode: str) 
         after=Reflectance.of(answer.after),
         strokes=tuple(strokes[i].path for i in pool.strokes),
         faces=faces,
-        map="multiply" if answer.chosen.is_factor else "auto",
+        map="multiply" if answer.chosen.is_factor or answer.chosen.roughness_mean else "auto",
         residual_before=answer.residual_before,
         residual_after=answer.residual_after,
     )
@@ -88,7 +88,7 @@ def _alike_change(
         before=Reflectance.of(before),
         after=Reflectance.of(after),
         strokes=tuple(strokes[i].path for i in answer.pool.strokes),
-        map="multiply" if answer.chosen.is_factor else "auto",
+        map="multiply" if answer.chosen.is_factor or answer.chosen.roughness_mean else "auto",
     )
 
 

@@ -44,7 +44,7 @@ from usdslf.scene.records import Scene
 from usdslf.similarity.materials import ALL, MOST, OF_MATERIALS, alike_materials
 from usdslf.similarity.similarity import Weights, reach_of
 from usdslf.strokes.stroke import Stroke
-from usdslf.surfaces.reflectance import gloss_levels
+from usdslf.surfaces.reflectance import gloss_levels, moved_roughness
 
 if TYPE_CHECKING:
     from usdslf.rays import RayTracer
@@ -419,7 +419,7 @@ def _finer(e: Evidence, samples: Samples, field: LightField, chosen: Candidate) 
     steps = gloss_levels(field.model)
     step = np.interp(own.mean() + chosen.roughness_shift, steps, np.gradient(steps))
     shift = chosen.roughness_shift + np.linspace(-step, step, FINE_LEVELS)
-    levels = np.concatenate([np.clip(own[:, None] + shift, 0.001, 1), own[:, None]], 1)
+    levels = np.concatenate([moved_roughness(own[:, None], shift, chosen.roughness_mean), own[:, None]], 1)
     columns = evaluate_columns(samples, field, levels)
     pad = np.repeat(e.background[:, -1:], levels.shape[1], 1)
     return replace(e, levels=levels, columns=columns, background=pad)
@@ -436,7 +436,7 @@ def _after_bounce(
         return replace(answer, residual_after=error, rounds=(*answer.rounds, error))
     if "glossiness" in chosen.freed:
         mine = [
-            _at_shift(e, painted[i].samples, field, chosen.roughness_shift)
+            _at_shift(e, painted[i].samples, field, chosen)
             for e, i in zip(mine, answer.pool.strokes, strict=True)
         ]
         tables = pool_tables(mine, answer.pool.material, field.model)
@@ -447,8 +447,8 @@ def _after_bounce(
     return replace(answer, residual_after=error, rounds=(*answer.rounds, error))
 
 
-def _at_shift(e: Evidence, samples: Samples, field: LightField, shift: float) -> Evidence:
+def _at_shift(e: Evidence, samples: Samples, field: LightField, chosen: Candidate) -> Evidence:
     own = e.levels[:, -1]
-    levels = np.stack([np.clip(own + shift, 0.001, 1), own], 1)
+    levels = np.stack([moved_roughness(own, chosen.roughness_shift, chosen.roughness_mean), own], 1)
     pad = np.repeat(e.background[:, -1:], 2, 1)
     return replace(e, levels=levels, columns=evaluate_columns(samples, field, levels), background=pad)

@@ -21,7 +21,7 @@ from usdslf.inference.samples import LOBE_ROUGHNESS, Samples, _by_sixteen
 from usdslf.light_field.light_field import LightField
 from usdslf.sampling.hemisphere import SOLID_ANGLE, D, bin_directions
 from usdslf.strokes.stroke import Stroke
-from usdslf.surfaces.reflectance import gloss_levels, lobe_parameter, model_of
+from usdslf.surfaces.reflectance import gloss_levels, lobe_parameter, model_of, moved_roughness
 from usdslf.surfaces.surface_points import SurfacePoints
 
 if TYPE_CHECKING:
@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 BACKGROUND = 24  # unpainted directions of a dab
 SHARPEST = 0.04  # roughness; sharper lobes fall between the rays, the sharpest of which have twice that
 SHARPEST_BACKGROUND = 0.2  # roughness; sharper lobes fall between the bins
+VARIED = 5e-3  # range of roughness above which it varies
 
 
 @dataclass(frozen=True)
@@ -80,9 +81,14 @@ def build_evidence(
 
 
 def sample_levels(own: NDArray, mean: float, model: str) -> NDArray[np.float64]:
-    """Levels (S, J + 1) of samples: their mean moved onto each level, variation kept, and their own at the end."""
+    """Levels (S, J + 1) of samples: their mean moved onto each level, contrast kept, and their own at the end."""
     shift = gloss_levels(model)[None] - mean
-    return np.concatenate([np.clip(own[:, None] + shift, 0.001, 1), own[:, None]], 1)
+    return np.concatenate([moved_roughness(own[:, None], shift, mean if varies(own) else 0.0), own[:, None]], 1)
+
+
+def varies(roughness: NDArray) -> bool:
+    """Whether roughness (S,) varies, and so changes by a factor."""
+    return float(np.ptp(roughness)) > VARIED
 
 
 def arriving_light(samples: Samples, field: LightField, specular: bool = False) -> NDArray[np.float32]:

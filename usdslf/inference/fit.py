@@ -123,20 +123,24 @@ def whiten(t: Tables, o: Options) -> F64:
 
     It is formed, and not solved with, because some hundred products with it follow.
     """
-    n = len(t.target)
+    n, eye = len(t.target), np.eye(3)
+    cov = shared_errors(t, o) + np.eye(3 * n) * o.dab_error**2
+    # who paints with one colour gets the mean right, not the contrast among what has it
+    for s in np.unique(t.swatch[t.swatch >= 0]):
+        mine = (t.swatch == s).astype(float)
+        cov += np.kron(o.flat_error**2 * (np.diag(mine) - np.outer(mine, mine) / mine.sum()), eye)
+    return np.linalg.inv(np.linalg.cholesky(cov))
+
+
+def shared_errors(t: Tables, o: Options) -> F64:
+    """Returns the covariance (3n, 3n) of what a painter gets wrong alike: drift over the stroke, and its tint."""
     same = (t.stroke[:, None] == t.stroke[None]).astype(float)
     gap = np.linalg.norm(t.place[:, None] - t.place[None], axis=-1)
     extent = np.array([gap[np.ix_(t.stroke == s, t.stroke == s)].max() for s in t.stroke])
     length = np.maximum(o.drift_length * extent, 1e-9)
     drift = same * np.exp(-0.5 * (gap / length[:, None]) ** 2) * o.drift_error**2
     drift = 0.5 * (drift + drift.T)
-    eye, one = np.eye(3), np.ones((3, 3))
-    cov = np.kron(drift, one) + np.kron(same * o.tint_error**2, eye) + np.eye(3 * n) * o.dab_error**2
-    # who paints with one colour gets the mean right, not the contrast
-    for s in np.unique(t.stroke[t.has_one_color]):
-        mine = (t.stroke == s).astype(float)
-        cov += np.kron(o.flat_error**2 * (np.diag(mine) - np.outer(mine, mine) / mine.sum()), eye)
-    return np.linalg.inv(np.linalg.cholesky(cov))
+    return np.kron(drift, np.ones((3, 3))) + np.kron(same * o.tint_error**2, np.eye(3))
 
 
 def relative_residuals(t: Tables, c: Candidate) -> F64:

@@ -25,7 +25,6 @@ from usdslf.inference.bilinear import Tables, pool_tables
 from usdslf.inference.candidate import Candidate
 from usdslf.inference.evidence import build_evidence
 from usdslf.inference.samples import gather_samples
-from usdslf.inference.solve import predicted
 from usdslf.inference.weights import Options
 from usdslf.light_field.light_field import LightField
 from usdslf.lights.sources import LightSet
@@ -86,7 +85,7 @@ def next_dab(
     here = np.flatnonzero(evidence.material == answer.pool.material)
     tables = pool_tables([evidence], answer.pool.material, field.model)
     looks = [_look(tables, c) for c in pair]
-    own = tables.p[:, tables.own]
+    own = tables.before
     scale = options.dab_error * (np.abs(own) + 0.1 * np.abs(own).mean())
     gain = (((looks[0] - looks[1]) / scale) ** 2).mean(1)
     best = int(gain.argmax())
@@ -110,9 +109,9 @@ def _shows(material: int, places: F64, camera: Camera, scene: Scene, tracer: Ray
 def _look(t: Tables, c: Candidate) -> F64:
     """Radiance (n, 3) of the places by a candidate, on the level nearest to its roughness."""
     if "glossiness" not in c.freed:
-        return predicted(t, replace(c, level=t.own))
+        return replace(c, level=t.own).radiance(t)
     wanted = float(c.roughness_of(np.array([t.roughness]))[0])
-    return predicted(t, replace(c, level=int(np.abs(t.levels[:-1] - wanted).argmin())))
+    return replace(c, level=int(np.abs(t.levels[:-1] - wanted).argmin())).radiance(t)
 
 
 def _curve_of(counts: tuple[int, ...], row: int) -> int:

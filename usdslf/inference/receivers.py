@@ -154,13 +154,15 @@ def receiver_tables(
     held = np.concatenate([np.full(len(r.target), r.is_held) for r in receivers])
     mean = np.array([target[number == s].mean() for s in number])
     stroke = np.where(held, len(receivers) + np.arange(len(number)), number)
+    one_color = np.concatenate([np.full(len(r.target), r.has_one_color) for r in receivers])
     all_means = np.concatenate([levels, [mean_rough]])
     tables = Tables(
         target=target,
         scale=relative_scale(target, mean[:, None]),
         place=np.concatenate([r.place for r in receivers]),
         stroke=stroke,
-        has_one_color=np.concatenate([np.full(len(r.target), r.has_one_color) for r in receivers]),
+        has_one_color=one_color,
+        swatch=np.where(one_color, number, -1),
         dabs=dabs,
         factor_u=spread(found.factor_u),
         factor_w=spread(found.factor_w),

@@ -58,7 +58,9 @@ def _fitted(problem: Problem, way: Way, level: int, robust: bool = False) -> Can
         if as_factor.misfit < found.misfit:
             found, way = as_factor, replace(way, is_factor=True)
     shift = float(t.levels[level] - t.roughness) if way.glossiness else 0.0
-    c = replace(way.candidate(found.dd, found.df, level), roughness_shift=shift, misfit=found.misfit)
+    mean = t.roughness if way.glossiness and t.is_textured_roughness else 0.0
+    c = way.candidate(found.dd, found.df, level)
+    c = replace(c, roughness_shift=shift, roughness_mean=mean, misfit=found.misfit)
     return replace(c, cost=score(t, problem.options, c), is_admitted=is_admitted(problem.options, c))
 
 

@@ -129,7 +129,11 @@ def as_spread(c: Candidate, v: Varying | None, places: Places, reach: float, wei
     if len(c.freed) != 1:
         return None
     q = np.tile(c.delta_of(c.freed[0]), (len(places), 1))
-    form = "factor" if c.is_factor else "add"
+    is_factor = c.is_factor
+    if c.freed[0] == "glossiness":
+        is_factor = c.roughness_mean > 0
+        q = q / c.roughness_mean if is_factor else q
+    form = "factor" if is_factor else "add"
     return Varying(c.freed[0], form, reach, q, np.zeros((*q.shape, 3)), places, reach, True, weights)
 
 

@@ -255,6 +255,18 @@ def gloss_levels(model: str) -> F64:
     return model_of(model).gloss_levels()
 
 
+def moved_roughness(roughness: NDArray, shift: NDArray | float, mean: float) -> NDArray:
+    """Returns roughness, held to .001 .. 1, whose mean moved by a shift: times a factor where it varies, else plus it.
+
+    A term would make a mirror of the smooth parts of a packed map, and a scale is what a look writes.
+
+    Args:
+        mean: of what varies; 0: nothing does.
+    """
+    moved = roughness * (1 + shift / mean) if mean > 0 else roughness + shift
+    return np.clip(moved, 0.001, 1)
+
+
 def phong_exponent(roughness: ArrayLike) -> F64:
     """Returns the exponent whose lobe has the width of GGX's at the same roughness: n = (2 / alpha^2 - 2) / 4.
 

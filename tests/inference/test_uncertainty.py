@@ -1,0 +1,90 @@
+"""Intervals hold the truth about as often as they say, for painters whose errors follow known distributions."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.stats import multivariate_normal
+
+from usdslf.inference.bilinear import Bilinear, Tables, swatches
+from usdslf.inference.candidate import Candidate
+from usdslf.inference.fit import shared_errors
+from usdslf.inference.residuals import relative_scale
+from usdslf.inference.solve import refit, refit_problem
+from usdslf.inference.uncertainty import interval, probabilities
+from usdslf.inference.weights import Options
+from usdslf.surfaces.reflectance import moved_roughness
+
+N = 24
+TRUE = np.array([0.12, -0.05, 0.2])  # change of the diffuse colour
+BEFORE = np.array([0.3, 0.4, 0.2])
+
+
+def tables(rng: np.random.Generator) -> Tables:
+    """One stroke of N dabs on a dull surface, in light that differs from dab to dab."""
+    x = rng.uniform(0.5, 2.0, (N, 1, 1)) * np.ones((N, 1, 3))
+    none = np.zeros_like(x)
+    dabs = Bilinear(BEFORE * x + 0.05, x, 0.3 * x, none)
+    return Tables(
+        target=dabs.p[:, 0], scale=relative_scale(dabs.p[:, 0]), place=rng.random((N, 3)), stroke=np.zeros(N, np.int64),
+        has_one_color=np.zeros(N, bool), swatch=np.full(N, -1), dabs=dabs, factor_u=none, factor_w=none, factor_v=none,
+        background=Bilinear.empty(1), background_scale=np.zeros((0, 3)), elsewhere=Bilinear.empty(1),
+        dab_levels=np.full((N, 1), 0.5), levels=np.array([0.5]), diffuse=BEFORE, f0=np.full(3, 0.04),
+        roughness=0.5, is_metal=False, is_textured=False,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(("shared", "own"), [(1.0, 0.3), (0.05, 0.05), (0.3, 1.0)])
+def test_intervals_hold_the_truth_nine_times_of_ten(shared: float, own: float) -> None:
+    """Errors of drift and tint (`shared`) and of single dabs (`own`), as multiples of the usual variances."""
+    rng, o = np.random.default_rng(3), Options()
+    inside, half = [], []
+    for _ in range(60):
+        t = tables(rng)
+        wanted = t.dabs.p[:, 0] + TRUE * t.dabs.u[:, 0]
+        cov = shared * shared_errors(t, o) + own * o.dab_error**2 * np.eye(3 * N)
+        error = multivariate_normal(np.zeros(3 * N), cov, allow_singular=True).rvs(random_state=rng).reshape(N, 3)
+        t = replace(t, target=wanted + error * relative_scale(wanted), scale=relative_scale(wanted))
+        found = refit(refit_problem(t, o), Candidate(("diffuse",), level=0, freedoms=3))
+        low, high = interval(t, o, found).diffuse
+        inside += list((low <= BEFORE + TRUE) & (high >= BEFORE + TRUE))
+        half.append(float((high - low).mean() / 2))
+    share = float(np.mean(inside))
+    assert 0.82 <= share <= 0.98, (share, np.mean(half))
+
+
+def test_exact_paint_has_narrow_intervals_and_what_is_not_freed_none() -> None:
+    t = tables(np.random.default_rng(4))
+    wanted = t.dabs.p[:, 0] + TRUE * t.dabs.u[:, 0]
+    t = replace(t, target=wanted, scale=relative_scale(wanted))
+    found = refit(refit_problem(t), Candidate(("diffuse",), level=0, freedoms=3))
+    got = interval(t, Options(), found)
+    assert (got.diffuse[1] - got.diffuse[0]).max() < 0.06
+    np.testing.assert_array_equal(got.specular[0], got.specular[1])
+    np.testing.assert_array_equal(got.roughness, [[0.5], [0.5]])
+
+
+def test_dabs_of_a_swatch_are_found_and_gradients_are_none() -> None:
+    red, blue = [0.5, 0.1, 0.1], [0.1, 0.1, 0.5]
+    got = swatches(np.array([red, blue, red, red, [0.3, 0.3, 0.3]]), False)
+    assert (got == got[0]).tolist() == [True, False, True, True, False]
+    assert got[1] == got[4] == -1
+    assert (swatches(np.linspace(0.1, 0.2, 30)[:, None] * np.ones(3), False) == -1).all()
+    assert (swatches(np.full((4, 3), 0.2), True) == 0).all()
+
+
+def test_probabilities_follow_costs() -> None:
+    p = probabilities([Candidate((), cost=c) for c in (5.0, 7.0, 50.0)])
+    assert p.sum() == pytest.approx(1)
+    assert p[0] / p[1] == pytest.approx(np.e)
+    assert p[2] < 1e-6
+
+
+def test_roughness_that_varies_moves_by_a_factor() -> None:
+    """A metal part of .24 among .78 stays as much smoother as it was, where a term would make a mirror of it."""
+    r = np.array([0.24, 0.78])
+    np.testing.assert_allclose(moved_roughness(r, -0.255, 0.51), r / 2)
+    np.testing.assert_allclose(moved_roughness(r, -0.2, 0.0), r - 0.2)
+    assert moved_roughness(np.array([0.9]), 0.5, 0.5) == 1
