@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from usdslf.gallery.play import Play, changed_material
-from usdslf.gallery.records import Entry, Point, Rgb, Step
+from usdslf.gallery.play import changed_material
+from usdslf.gallery.records import Entry, PlayLike, Point, Rgb, Step
 from usdslf.procedural.shapes import panel, rounded_box
 from usdslf.procedural.shot import Inputs, Lamp, Part, Shot, View
 
@@ -40,7 +40,7 @@ def build(folder: Path, hdri: str | None = None) -> Shot:
     return Shot("blue_wall", MATERIALS, parts, lamps, views)
 
 
-def run(play: Play) -> None:
+def run(play: PlayLike) -> None:
     """White; white and a held place; white again, brighter."""
     play.paint([(_white(GAIN[0]), NEAR)], RADIUS, mode="indirect")
     first = play.step("a white indirect stroke near the blue wall", goes_on=False)

@@ -11,8 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
-from usdslf.gallery.play import Play, changed_material
-from usdslf.gallery.records import Entry, Rgb
+from usdslf.gallery.play import changed_material
+from usdslf.gallery.records import Entry, PlayLike, Rgb
 from usdslf.procedural.shapes import ball, lathe, panel, rounded_box
 from usdslf.procedural.shot import Inputs, Lamp, Part, Shot, View
 
@@ -47,7 +47,7 @@ def build(folder: Path, hdri: str | None = None) -> Shot:
     return Shot("caustic", MATERIALS, parts, lamps, views)
 
 
-def run(play: Play) -> None:
+def run(play: PlayLike) -> None:
     """White, white with two fixate strokes, yellow."""
     inside = [(0.395, 0.40), (0.40, 0.44), (0.415, 0.47), (0.43, 0.41), (0.44, 0.45), (0.445, 0.49), (0.465, 0.43),
               (0.47, 0.47), (0.42, 0.44), (0.455, 0.46)]  # fmt: skip
@@ -80,7 +80,7 @@ def run(play: Play) -> None:
     play.shows("the caustic has the painted radiance within 5 %", note.startswith("met within"), note)
 
 
-def _shows_ring(play: Play, answers: tuple, sentence: str) -> None:
+def _shows_ring(play: PlayLike, answers: tuple, sentence: str) -> None:
     names = [n for a in answers if (n := changed_material(a, play.session))]
     kinds = {a.chosen.id for a in answers if a.chosen.freed}
     play.shows(sentence, names == ["ring"] and all("specular" in k for k in kinds), f"{names}, {sorted(kinds)}")

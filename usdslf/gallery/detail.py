@@ -13,8 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
-from usdslf.gallery.play import Play
-from usdslf.gallery.records import Dabs, Entry, on_picture
+from usdslf.gallery.records import Dabs, Entry, PlayLike, on_picture
 from usdslf.procedural.shapes import curve, lathe, panel
 from usdslf.procedural.shot import Inputs, Lamp, Part, Shot, View
 from usdslf.scene.records import F32
@@ -104,7 +103,7 @@ def detail(session: Session, camera: str) -> dict[str, NDArray[np.float64]]:
     return {name: (p - gaussian_filter(p, (BLUR, BLUR, 0)))[on_vase] for name, p in pictures.items()}
 
 
-def run(play: Play) -> None:
+def run(play: PlayLike) -> None:
     """Another colour; the detail is compared with the original's."""
     play.paint(on_picture(BLUISH), RADIUS)
     step = play.step("bluish dabs on the speckled vase")

@@ -13,9 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdslf.gallery import sketch_specular
-from usdslf.gallery.play import Play
 from usdslf.gallery.plots import Axis, bars, lines
-from usdslf.gallery.records import Dabs, Entry, Step, on_picture
+from usdslf.gallery.records import Dabs, Entry, PlayLike, Step, on_picture
 from usdslf.light_field.light_field import LightField
 from usdslf.procedural.shot import Inputs
 from usdslf.sampling.hemisphere import bin_of
@@ -33,7 +32,7 @@ SEEN = 0.005  # change of a parameter that counts
 DISK = 44  # pixels across a picture of a hemisphere
 
 
-def fit_levels(play: Play) -> None:
+def fit_levels(play: PlayLike) -> None:
     """Wanted light of a known reflectance; each element of the ball is asked for it."""
     base = play.session
     session = Session(base.source, device=base.device, elements=base.element_count, model="phong")
@@ -118,7 +117,7 @@ def _disks(lights: list[NDArray], white: float) -> NDArray[np.float32]:
     return np.concatenate([part for s in shown for part in (s, gap)], 1).astype(np.float32)
 
 
-def compare_norms(play: Play) -> None:
+def compare_norms(play: PlayLike) -> None:
     """The same stroke with each norm, each time on the shot as it was."""
     changed, found = {}, {}
     glints: Dabs = [

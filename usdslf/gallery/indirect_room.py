@@ -11,8 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
-from usdslf.gallery.play import Play, changed_material
-from usdslf.gallery.records import Entry, Point, Rgb, Step
+from usdslf.gallery.play import changed_material
+from usdslf.gallery.records import Entry, PlayLike, Point, Rgb, Step
 from usdslf.procedural.shapes import panel, rounded_box
 from usdslf.procedural.shot import Inputs, Lamp, Part, Shot, View
 
@@ -57,12 +57,12 @@ def changed(step: Step) -> list[str]:
     return sorted(n for a in step.answers if (n := changed_material(a, step.before)))
 
 
-def _shows_met(play: Play, step: Step, sentence: str) -> None:
+def _shows_met(play: PlayLike, step: Step, sentence: str) -> None:
     note = step.report["strokes"][0]["note"]
     play.shows(sentence, note.startswith("met within"), note)
 
 
-def _shows_floor_stays(play: Play, step: Step) -> None:
+def _shows_floor_stays(play: PlayLike, step: Step) -> None:
     play.shows("the floor does not change", "floor" not in changed(step), ", ".join(changed(step)))
 
 
@@ -72,7 +72,7 @@ ON_BOX: tuple[Point, ...] = ((0.37, 0.73), (0.385, 0.77), (0.4, 0.74), (0.375, 0
 ORANGE: Rgb = (0.27, 0.15, 0.06)
 
 
-def _run_mirror(play: Play) -> None:
+def _run_mirror(play: PlayLike) -> None:
     play.paint([(ORANGE, ON_BOX)], RADIUS)
     step = play.step("an orange stroke on the mirror, direct: the floor changes", goes_on=False)
     play.shows("a direct stroke changes the floor alone", changed(step) == ["floor"], ", ".join(changed(step)))
@@ -91,7 +91,7 @@ NEAR_RIGHT: tuple[Point, ...] = ((0.82, 0.7), (0.83, 0.74), (0.85, 0.78), (0.84,
 DARK_ORANGE: Rgb = (0.215, 0.15, 0.085)
 
 
-def _run_glossy(play: Play) -> None:
+def _run_glossy(play: PlayLike) -> None:
     play.paint([(DARK_ORANGE, NEAR_RIGHT)], RADIUS, mode="indirect")
     step = play.step("an orange stroke on the glossy floor, indirect: the right wall changes")
     _shows_floor_stays(play, step)
@@ -107,7 +107,7 @@ MIDDLE: tuple[Point, ...] = ((0.45, 0.72), (0.5, 0.75), (0.55, 0.72), (0.5, 0.7)
 GREEN: Rgb = (0.315, 0.375, 0.32)
 
 
-def _run_dull(play: Play) -> None:
+def _run_dull(play: PlayLike) -> None:
     play.paint([(GREEN, MIDDLE)], RADIUS, mode="indirect")
     step = play.step("a green stroke on the dull floor, indirect: the walls change")
     _shows_floor_stays(play, step)

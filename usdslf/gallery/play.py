@@ -12,6 +12,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -71,7 +72,7 @@ class Play:
         self.shown: list[Shown] = []
         self.extras: list[Picture] = []
         self._painted: list[Stroke] = []
-        self._seen: dict[tuple[int, int], dict[str, NDArray[np.float32]]] = {}
+        self._seen: WeakKeyDictionary[Session, dict[int, dict[str, NDArray[np.float32]]]] = WeakKeyDictionary()
 
     # ── painting ───────────────────────────────────────────────────────────────────────────────
 
@@ -162,11 +163,11 @@ class Play:
 
     def see(self, session: Session, view: int = 0) -> dict[str, NDArray[np.float32]]:
         """Renders what a session's view shows; each once."""
-        key = (id(session), view)
-        if key not in self._seen:
+        seen = self._seen.setdefault(session, {})
+        if view not in seen:
             aovs = ("albedo", "specular", "roughness")
-            self._seen[key] = session.render(self.shot.view_path(view), self.size, aovs, samples=self.samples)
-        return self._seen[key]
+            seen[view] = session.render(self.shot.view_path(view), self.size, aovs, samples=self.samples)
+        return seen[view]
 
     # ── what is shown ──────────────────────────────────────────────────────────────────────────
 
@@ -193,8 +194,8 @@ class Play:
     @property
     def seconds(self) -> float:
         """Time of all steps."""
-        sessions = {id(s): s for step in self.steps for s in (step.before, step.after)}
-        return sum(sum(s.seconds.values()) for s in sessions.values())
+        sessions = dict.fromkeys(s for step in self.steps for s in (step.before, step.after))
+        return sum(sum(s.seconds.values()) for s in sessions)
 
 
 def changed_material(answer: Answer, session: Session) -> str:

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
 
 from usdslf.procedural.shot import Shot
 
 if TYPE_CHECKING:
-    from usdslf.gallery.play import Play
     from usdslf.inference.answers import Answer
+    from usdslf.inference.weights import Options
     from usdslf.session import Session
     from usdslf.strokes.stroke import Stroke
 
@@ -30,7 +33,7 @@ class Entry:
     title: str
     claim: str  # what the figure claims, one sentence
     build: Callable[[Path, str | None], Shot]  # folder, --hdri -> the shot; writes its textures into the folder
-    run: Callable[[Play], None]  # paints, solves and says what it shows
+    run: Callable[[PlayLike], None]  # paints, solves and says what it shows
     elements: int = 10000
 
 
@@ -64,6 +67,46 @@ class Shown:
     sentence: str
     is_true: bool
     measured: str = ""
+
+
+class PlayLike(Protocol):
+    """What an entry uses of the play that runs it; `play.Play` says what each does."""
+
+    shot: Shot
+    folder: Path
+    size: tuple[int, int]
+    samples: int
+    has_pictures: bool
+    session: Session
+
+    def paint(self, dabs: Dabs, radius: float = ..., view: int = ..., **brush: Any) -> Stroke:
+        """Paints dabs on the picture of a view, and keeps the stroke for the next step."""
+
+    def sweep(
+        self, paths: Sequence[Sequence[Point]], radius: float = ..., color: Rgb = ..., view: int = ..., **brush: Any
+    ) -> Stroke:
+        """Sweeps a brush of one colour along paths, and keeps the stroke for the next step."""
+
+    def step(
+        self, title: str, norm: str | None = ..., choose: Mapping[str, str] | None = ..., options: Options | None = ...,
+        goes_on: bool = ...,
+    ) -> Step:  # fmt: skip
+        """Solves the strokes painted since the last step, writes their layers, takes pictures."""
+
+    def shows(self, sentence: str, is_true: bool, measured: str = ...) -> None:
+        """Notes a part of the figure's claim, and whether this run shows it."""
+
+    def see(self, session: Session, view: int = ...) -> dict[str, NDArray[np.float32]]:
+        """Renders what a session's view shows."""
+
+    def look_at(self, session: Session, name: str, caption: str, view: int = ...) -> None:
+        """Renders what a session's view shows for the page."""
+
+    def picture(self, name: str, pixels: NDArray, caption: str) -> None:
+        """Writes another picture for the page."""
+
+    def drawing(self, name: str, svg: str, caption: str) -> None:
+        """Writes a drawing for the page."""
 
 
 def on_picture(dabs: Dabs) -> Dabs:

@@ -12,8 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from usdslf.gallery.play import Play
-from usdslf.gallery.records import Dabs, Entry, on_picture
+from usdslf.gallery.records import Dabs, Entry, PlayLike, on_picture
 from usdslf.gallery.still_life import teapot
 from usdslf.procedural.shapes import Shape, curve, lathe, panel, rounded_box
 from usdslf.procedural.shot import Inputs, Lamp, Part, Shot, View
@@ -76,7 +75,7 @@ IN_THE_SUN: Dabs = (
 )
 
 
-def run(play: Play) -> None:
+def run(play: PlayLike) -> None:
     """In the shade, then in the sun; each time the floor's colour is compared with the one that was meant."""
     for title, dabs, truth in (
         ("blue dabs in the shade, beside the red wall", IN_THE_SHADE, TRUTH[0]),

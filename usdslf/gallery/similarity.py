@@ -11,8 +11,7 @@ import numpy as np
 from scipy.stats import spearmanr
 
 from usdslf.color import color_of
-from usdslf.gallery.play import Play
-from usdslf.gallery.records import Entry
+from usdslf.gallery.records import Entry, PlayLike
 from usdslf.procedural.shapes import Shape, ball, panel, rounded_box, turned_about
 from usdslf.procedural.shot import Inputs, Lamp, Part, Shot, View
 from usdslf.scene.records import F32
@@ -60,7 +59,7 @@ def falls(similarity: F32, distance: F32) -> float:
     return float(spearmanr(similarity, distance).statistic)
 
 
-def run(play: Play) -> None:
+def run(play: PlayLike) -> None:
     """No solve: the places are only looked at."""
     session = play.session
     camera = play.shot.view_path(0)

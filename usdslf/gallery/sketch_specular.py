@@ -13,8 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from usdslf.gallery.play import Play
-from usdslf.gallery.records import Dabs, Entry, on_picture
+from usdslf.gallery.records import Dabs, Entry, PlayLike, on_picture
 from usdslf.procedural.shapes import Shape, ball, curve, join, lathe, panel, tube
 from usdslf.procedural.shot import Inputs, Lamp, Part, Shot, View
 from usdslf.procedural.textures import planks, studio
@@ -119,7 +118,7 @@ SHARPER: Dabs = (
 )
 
 
-def run(play: Play) -> None:
+def run(play: PlayLike) -> None:
     """Three rounds, each painted on the result of the one before."""
     play.paint(on_picture(GREY_ON_DRAGON), RADIUS)
     play.paint(on_picture(YELLOW_ON_BALL), RADIUS)

@@ -15,8 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from usdslf.gallery.play import Play
-from usdslf.gallery.records import Dabs, Entry, Point, Rgb
+from usdslf.gallery.records import Dabs, Entry, PlayLike, Point, Rgb
 from usdslf.procedural.shapes import (
     Shape,
     ball,
@@ -198,12 +197,12 @@ STROKES: tuple[ScriptedStroke, ...] = (
 )
 
 
-def paint(play: Play) -> list[Stroke]:
+def paint(play: PlayLike) -> list[Stroke]:
     """Paints the scripted strokes and returns them."""
     return [play.paint(script.on_picture, RADIUS) for script in STROKES]
 
 
-def run(play: Play) -> None:
+def run(play: PlayLike) -> None:
     """Three strokes, solved together."""
     paint(play)
     step = play.step("a red teapot, a mirror-like ball, a polished vase")

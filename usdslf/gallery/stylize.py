@@ -9,8 +9,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter
 
 from usdslf.color import color_of
-from usdslf.gallery.play import Play
-from usdslf.gallery.records import Entry
+from usdslf.gallery.records import Entry, PlayLike
 from usdslf.gallery.still_life import build
 from usdslf.outputs import write_json
 from usdslf.scene.records import F32
@@ -26,7 +25,7 @@ def contrast(picture: F32) -> float:
     return float(np.abs(light - gaussian_filter(light, BLUR)).mean())
 
 
-def run(play: Play) -> None:
+def run(play: PlayLike) -> None:
     """No stroke: the whole scene, once."""
     before = play.session
     found = before.stylize()

@@ -10,8 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from usdslf.gallery.play import Play
-from usdslf.gallery.records import Entry
+from usdslf.gallery.records import Entry, PlayLike
 from usdslf.procedural.shapes import ball, panel
 from usdslf.procedural.shot import Inputs, Lamp, Part, Shot, View
 from usdslf.procedural.textures import planks, studio
@@ -64,7 +63,7 @@ def _x(ball_: int) -> float:
     return GAP * (ball_ - (len(TOOLS) - 1) / 2)
 
 
-def run(play: Play) -> None:
+def run(play: PlayLike) -> None:
     """One stroke a ball, solved together."""
     for i, tool in enumerate(TOOLS):
         places = highlight(play, i) if tool in ("blur", "sharpen", "brighten", "darken") else body(play, i)
@@ -90,7 +89,7 @@ def run(play: Play) -> None:
     play.shows("fixate changes nothing", found["fixate"]["inferred"] == "none", _says(found["fixate"]))
 
 
-def highlight(play: Play, ball_: int) -> list[tuple[float, float]]:
+def highlight(play: PlayLike, ball_: int) -> list[tuple[float, float]]:
     """Places through the highlight of a ball: where half-way between lamp and eye is its normal, and about it."""
     centre, eye = np.array([_x(ball_), SIZE, 0.0]), np.array(play.shot.views[0].eye)
     lamp = np.array(play.shot.lamps[0].at)
@@ -106,7 +105,7 @@ def highlight(play: Play, ball_: int) -> list[tuple[float, float]]:
     return on_view(play, [at + a * along + b * up for a, b in spread])
 
 
-def body(play: Play, ball_: int) -> list[tuple[float, float]]:
+def body(play: PlayLike, ball_: int) -> list[tuple[float, float]]:
     """Places on the lower front of a ball, off its highlight."""
     turn = np.linspace(-0.9, 0.9, 6)
     offsets = np.stack([0.8 * np.sin(turn), np.full(6, -0.35), 0.8 * np.cos(turn)], 1)
@@ -114,7 +113,7 @@ def body(play: Play, ball_: int) -> list[tuple[float, float]]:
     return on_view(play, [np.array([_x(ball_), SIZE, 0.0]) + SIZE * o for o in offsets])
 
 
-def on_view(play: Play, points: list[np.ndarray]) -> list[tuple[float, float]]:
+def on_view(play: PlayLike, points: list[np.ndarray]) -> list[tuple[float, float]]:
     """Returns points of the world on the first view's picture."""
     at, _ = project_points(play.session.camera(play.shot.view_path()), np.array(points), play.size[0] / play.size[1])
     return [(float(x), float(y)) for x, y in at]

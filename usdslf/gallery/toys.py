@@ -13,8 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from usdslf.gallery.play import Play
-from usdslf.gallery.records import Dabs, Entry, on_picture
+from usdslf.gallery.records import Dabs, Entry, PlayLike, on_picture
 from usdslf.gallery.still_life import wagon
 from usdslf.procedural.shapes import Shape, ball, curve, join, lathe, panel, rounded_box, torus, turned_about
 from usdslf.procedural.shot import Inputs, Lamp, Part, Shot, View
@@ -109,7 +108,7 @@ WHITE_ON_WHEELS: Dabs = (
 )
 
 
-def run(play: Play) -> None:
+def run(play: PlayLike) -> None:
     """Three strokes, solved together."""
     for dabs in (RED_ON_WAGON, HIGHLIGHT_ON_PLANE, WHITE_ON_WHEELS):
         play.paint(on_picture(dabs), RADIUS)

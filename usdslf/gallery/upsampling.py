@@ -11,8 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from usdslf.color import color_of
-from usdslf.gallery.play import Play
-from usdslf.gallery.records import Entry
+from usdslf.gallery.records import Entry, PlayLike
 from usdslf.procedural.shapes import ball, panel
 from usdslf.procedural.shot import Inputs, Lamp, Part, Shot, View
 from usdslf.scene.records import F32, F64
@@ -57,7 +56,7 @@ def build(folder: Path, hdri: str | None = None) -> Shot:
     return Shot("upsampling", MATERIALS, parts, lamps, (View("camera", (0.0, 1.35, 1.95), (0.0, 0.03, 0.0), 42.0),))
 
 
-def run(play: Play) -> None:
+def run(play: PlayLike) -> None:
     """No solve: a change that is known at elements goes to texels in two ways."""
     scene, elements = play.session.scene, play.session.elements
     table = scene.triangles

@@ -13,8 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from usdslf.gallery.play import Play
-from usdslf.gallery.records import Entry, on_picture
+from usdslf.gallery.records import Entry, PlayLike, on_picture
 from usdslf.gallery.sketch_specular import MATERIALS as SKETCH
 from usdslf.procedural.shapes import ball, panel
 from usdslf.procedural.shot import Inputs, Lamp, Part, Shot, View
@@ -72,7 +71,7 @@ FROM_THE_LEFT = (
 )
 
 
-def run(play: Play) -> None:
+def run(play: PlayLike) -> None:
     """One white dab in two places; then one material from two eyes; then a rough stroke that is refined."""
     white, grey = (1.5, 1.4, 1.3), (0.45, 0.42, 0.39)  # the same paint, in the lamp's glint and in its half-shade
     play.paint(on_picture([(white, [GLINT])]), RADIUS)

@@ -8,13 +8,13 @@ The colours are what a path tracer shows of the room in TRUTH, rounded.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from usdslf.gallery.play import Play
 from usdslf.gallery.plots import Axis, lines
-from usdslf.gallery.records import Dabs, Entry, Step, on_picture
+from usdslf.gallery.records import Dabs, Entry, PlayLike, Step, on_picture
 from usdslf.inference.answers import Answer
 from usdslf.inference.bilinear import pool_tables
 from usdslf.inference.direct import gather_strokes, infer_changes
@@ -59,7 +59,7 @@ PALE_BLUE: Dabs = (
 )
 
 
-def run(play: Play) -> None:
+def run(play: PlayLike) -> None:
     """One stroke; how far it is off after each iteration, with its sign, and the looks of the first and the last."""
     play.paint(on_picture(PALE_BLUE), RADIUS)
     step = play.step("pale blue dabs on the floor of a white room")
@@ -91,7 +91,7 @@ def run(play: Play) -> None:
     )  # fmt: skip
 
 
-def errors_of_rounds(play: Play, step: Step) -> tuple[list[float], list[float]]:
+def errors_of_rounds(play: PlayLike, step: Step) -> tuple[list[float], list[float]]:
     """Relative RMS error and signed mean after each iteration, from the light as it then is.
 
     On the page also the look after the first iteration.
@@ -113,9 +113,10 @@ def errors_of_rounds(play: Play, step: Step) -> tuple[list[float], list[float]]:
         error.append(float(np.sqrt((off * off).mean())))
         bias.append(float(shown.sum() / tables.target.sum() - 1))
         if len(error) == 1 and play.has_pictures:
-            kept, session.answers = session.answers, answers
+            solution, look = session.solution, session.look
+            session.solution = replace(solution, answers=tuple(answers))
             session.author(step.folder / "look_first.usda", review_root=step.folder / "review_first.usda")
-            session.answers = kept
+            session.solution, session.look = solution, look
             play.look_at(session.reopened(str(step.folder / "review_first.usda")), "first", "after one iteration")
     field.set_surface(start)
     field.outgoing_d = as_it_was_d

@@ -11,8 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from usdslf.gallery.environment import put_environment
-from usdslf.gallery.play import Play
-from usdslf.gallery.records import Entry, Point
+from usdslf.gallery.records import Entry, PlayLike, Point
 from usdslf.gallery.still_life import teapot
 from usdslf.procedural.shapes import Shape, curve, join, lathe, panel, tube
 from usdslf.procedural.shot import Inputs, Lamp, Part, Shot, View
@@ -60,7 +59,7 @@ def build(folder: Path, hdri: str | None = None) -> Shot:
     return Shot("window_light", MATERIALS, parts, lamps, views)
 
 
-def run(play: Play) -> None:
+def run(play: PlayLike) -> None:
     """One white stroke on the teapot."""
     places, bright = glint(play.session, play.shot.view_path(), "/window_light/teapot")
     white = (SHARE * bright,) * 3
