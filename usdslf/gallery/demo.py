@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+import gc
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from usdslf.errors import DeviceError, InputError, UsdslfError
 from usdslf.gallery import ENTRIES
-from usdslf.gallery.page import Page, index_page
+from usdslf.gallery.page import Page, StepRow, index_page
 from usdslf.gallery.play import Play
 from usdslf.gallery.records import Entry
 from usdslf.replacing import replacing
@@ -37,7 +38,7 @@ def run_demos(
 ) -> Iterator[str]:  # fmt: skip
     """Runs entries into `output`/NAME and writes `output`/index.html; yields what was inferred and shown.
 
-    An entry that fails is said, and the others go on.
+    An entry that fails is said, and the others go on.  Only one entry's sessions are in memory at a time.
 
     Args:
         options: of `Play`: elements, size, samples, pictures.
@@ -45,22 +46,12 @@ def run_demos(
     Raises: InputError for an unknown name or a bad hdri; at the end UsdslfError where an entry failed.
     """
     pages: list[Page] = []
+    options |= {"hdri": hdri, "device": device, "ocio": ocio, "say": say}
     for entry in chosen_entries(names, all_names):
-        play, error = None, ""
         folder = Path(output) / entry.name
         yield f"{entry.name}: {folder}"
-        try:
-            play = Play(entry, folder, hdri, device, ocio, say, **options)
-            entry.run(play)
-        except (InputError, DeviceError) as bad:
-            if play is None:  # nothing that another entry would do better
-                raise
-            error = str(bad)
-        except UsdslfError as bad:
-            if len(pages) == 0 and play is None:
-                raise
-            error = str(bad)
-        pages.append(Page(entry, play, error))
+        pages.append(_played(entry, folder, options, is_first=not pages))
+        gc.collect()  # the play has gone with all its sessions, before the next one begins
         with replacing(Path(output) / "index.html") as temporary:
             temporary.write_text(index_page(pages), encoding="utf-8")
         yield from _lines(pages[-1])
@@ -70,16 +61,34 @@ def run_demos(
         raise UsdslfError(f"{', '.join(failed)} did not run to the end; the index says why")
 
 
+def _played(entry: Entry, folder: Path, options: Mapping[str, Any], is_first: bool) -> Page:
+    """Runs an entry and returns what the index shows of it; the play and its sessions end here.
+
+    Raises: UsdslfError where the play cannot begin and another entry would do no better.
+    """
+    play, error = None, ""
+    try:
+        play = Play(entry, folder, **options)
+        entry.run(play)
+    except UsdslfError as bad:
+        if play is None and (is_first or isinstance(bad, (InputError, DeviceError))):
+            raise
+        error = str(bad)
+    if play is None:
+        return Page(entry, error=error)
+    steps = tuple(StepRow.of(s) for s in play.steps)
+    last = play.steps[-1].folder if play.steps else play.folder
+    return Page(entry, True, steps, tuple(play.shown), tuple(play.extras), play.seconds, last, error)
+
+
 def _lines(page: Page) -> Iterator[str]:
-    if page.play:
-        for step in page.play.steps:
-            yield f"  {step.title}"
-            yield from (f"    {line}" for line in step.lines)
-        for s in page.play.shown:
-            measured = f" ({s.measured})" if s.measured else ""
-            yield f"  {s.sentence}: {'shown' if s.is_true else 'NOT SHOWN'}{measured}"
-        last = page.play.steps[-1].folder if page.play.steps else page.play.folder
-        if page.play.steps:
-            yield f"  {page.play.seconds:.1f} s; open {last / 'review.usda'} in any USD program"
+    for step in page.steps:
+        yield f"  {step.title}"
+        yield from (f"    {line}" for line in step.lines)
+    for s in page.shown:
+        measured = f" ({s.measured})" if s.measured else ""
+        yield f"  {s.sentence}: {'shown' if s.is_true else 'NOT SHOWN'}{measured}"
+    if page.steps and page.folder:
+        yield f"  {page.seconds:.1f} s; open {page.folder / 'review.usda'} in any USD program"
     if page.error:
         yield f"  failed: {page.error}"

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import jinja2
 
-from usdslf.gallery.play import Play
-from usdslf.gallery.records import Entry
+from usdslf.gallery.records import Entry, Picture, Shown, Step
 
 TEMPLATE = """<!doctype html>
 <html lang="en"><head><meta charset="utf-8"><title>usdslf: the paper's figures</title>
@@ -40,18 +40,18 @@ nav a { margin-right: 1em } a { color: #8fb8e8 }
 <h2>{{ p.entry.title }} <span class="figure">figure {{ p.entry.figures }}</span></h2>
 <p class="claim">{{ p.entry.claim }}</p>
 {% if p.error %}<p class="error">This run failed: {{ p.error }}</p>{% endif %}
-{% if p.play %}
-<ul class="shown">{% for s in p.play.shown %}
+{% if p.has_begun %}
+<ul class="shown">{% for s in p.shown %}
 <li class="{{ 'yes' if s.is_true else 'no' }}">{{ s.sentence }}
 {% if s.measured %}<span class="measured">({{ s.measured }})</span>{% endif %}</li>{% endfor %}</ul>
-{% for step in p.play.steps %}
+{% for step in p.steps %}
 <h3>{{ step.title }}</h3>
 <div class="row">{% for x in step.pictures %}
 <figure><a href="{{ p.entry.name }}/{{ x.file }}"><img src="{{ p.entry.name }}/{{ x.file }}" alt="{{ x.caption }}"
  loading="lazy"></a><figcaption>{{ x.caption }}</figcaption></figure>{% endfor %}</div>
 <pre>{{ step.lines | join("\\n") }}</pre>
 {% endfor %}
-{% if p.play.extras %}<div class="row">{% for x in p.play.extras %}
+{% if p.extras %}<div class="row">{% for x in p.extras %}
 <figure><a href="{{ p.entry.name }}/{{ x.file }}"><img src="{{ p.entry.name }}/{{ x.file }}" alt="{{ x.caption }}"
  loading="lazy"></a><figcaption>{{ x.caption }}</figcaption></figure>{% endfor %}</div>{% endif %}
 {% endif %}
@@ -62,11 +62,30 @@ nav a { margin-right: 1em } a { color: #8fb8e8 }
 
 
 @dataclass(frozen=True)
+class StepRow:
+    """What the index shows of a step."""
+
+    title: str
+    pictures: tuple[Picture, ...]
+    lines: tuple[str, ...]
+
+    @staticmethod
+    def of(step: Step) -> StepRow:
+        """Takes over what is shown of a step, and nothing that holds its sessions."""
+        return StepRow(step.title, step.pictures, step.lines)
+
+
+@dataclass(frozen=True)
 class Page:
-    """An entry on the index."""
+    """An entry on the index: only what is shown, so that its sessions end with its play."""
 
     entry: Entry
-    play: Play | None
+    has_begun: bool = False  # its shot was written
+    steps: tuple[StepRow, ...] = ()
+    shown: tuple[Shown, ...] = ()
+    extras: tuple[Picture, ...] = ()
+    seconds: float = 0.0  # of all steps
+    folder: Path | None = None  # of the last step
     error: str = ""
 
 
