@@ -378,7 +378,7 @@ def test_phong_gains_no_energy_and_its_misfit_is_of_what_it_may_reflect(
         r = white @ ((c.radiance(tables) - tables.target) / tables.scale).reshape(-1)
         of_dab = (r * r).reshape(-1, 3).sum(1)
         assert c.misfit == pytest.approx((outlier * np.log1p(of_dab / outlier)).sum(), rel=1e-6)
-    free = replace(tables, is_phong=False)
+    free = replace(tables, must_hold_energy=False)
     both = refit(refit_problem(free), next(c for c in enumerate_candidates(free) if c.id == "diffuse+specular"))
     assert (both.diffuse_of(tables.diffuse) + both.f0_of(tables.f0)).max() > 1.2
     held = refit(refit_problem(tables), next(c for c in candidates if c.id == "diffuse+specular"))
