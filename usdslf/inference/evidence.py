@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from usdslf.inference.samples import LOBE_ROUGHNESS, Samples, _by_sixteen
+from usdslf.inference.samples import LOBE_ROUGHNESS, Samples, by_sixteen
 from usdslf.light_field.light_field import LightField
 from usdslf.sampling.hemisphere import SOLID_ANGLE, D, bin_directions
 from usdslf.strokes.stroke import Stroke
@@ -127,7 +127,7 @@ def _columns(
     kernel = device.kernel("evidence", "columns", LOBES=len(LOBE_ROUGHNESS), **model_of(model).constants)
     kernel(
         (j, s), None, device.upload(eye.astype(np.float32)), device.upload(light_row.astype(np.int32)), towards_d,
-        device.upload(_by_sixteen(light)), device.upload(parameters), np.uint32(-(-light.shape[1] // 16)),
+        device.upload(by_sixteen(light)), device.upload(parameters), np.uint32(-(-light.shape[1] // 16)),
         np.uint32(j), np.uint32(s), out_d,
     )  # fmt: skip
     return device.download(out_d).astype(np.float64)
@@ -147,7 +147,7 @@ def _background(
     n, w = len(first), len(chosen)
     eye = np.tile(directions[chosen], (n, 1))
     rows = np.repeat(np.arange(n), w)
-    towards_d = field.device.upload(_by_sixteen(np.broadcast_to(directions, (n, D, 3))))
+    towards_d = field.device.upload(by_sixteen(np.broadcast_to(directions, (n, D, 3))))
     light = incident * np.float32(SOLID_ANGLE)
     clamped = np.maximum(levels[first][rows], SHARPEST_BACKGROUND)
     return first[rows], _columns(field, eye, rows, towards_d, light, clamped)

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from dataclasses import field as dataclass_field
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,7 +21,7 @@ from usdslf.surfaces.reflectance import lobe_parameter, model_of
 from usdslf.surfaces.surface_points import SurfacePoints, evaluate_surface
 
 if TYPE_CHECKING:
-    from usdslf.rays import RayTracer
+    from usdslf.rays import Hits, RayTracer
 
 SAMPLES = 96  # surface points of a dab: detail varies over it more than light varies over a point's rays
 MOST_DABS = 128
@@ -28,6 +30,8 @@ LOBE_ROUGHNESS = (0.08, 0.22, 0.42, 0.7)
 LIGHT_RAYS = 4  # of a sample to each light
 ELSEWHERE = 96  # unpainted points of the painted materials
 LEAST_COSINE = 0.05  # of the eye above a surface
+
+
 @dataclass(frozen=True)
 class Samples:
     """S surface points under a stroke, in dabs, with the rays that leave them.  K rays and light samples each."""
@@ -43,6 +47,54 @@ class Samples:
     links_d: Any  # of the S * ray_count rays
     weights_d: Any
     ray_count: int  # of the K, those that are rays and not light samples
+
+
+@dataclass(frozen=True)
+class _Points:
+    """S surface points, in the order of their dabs, as rays leave them."""
+
+    dab: NDArray[np.int64]  # (S,)
+    surface: SurfacePoints
+    side: NDArray[np.int64]  # (S,) +1 or -1
+    eye: NDArray[np.float32]  # (S, 3) local, unit
+    frames: NDArray  # (S, 3, 3) rows are the local axes, on the eye's side
+    origin: NDArray  # (S, 3) off the surface
+
+
+@dataclass(frozen=True)
+class _Trace:
+    """What rays are made of and meet.  A sample has `rays`: a part by cosine, the others by lobes of fixed widths."""
+
+    tracer: RayTracer
+    field: LightField
+    lights: LightSet
+    rays: int
+    light_rays: int  # to each light
+    rng: np.random.Generator = dataclass_field(default_factory=lambda: np.random.default_rng(7))
+
+    @property
+    def sources(self) -> list[Any]:
+        """All lights."""
+        return [*self.lights.placed, *self.lights.domes]
+
+    @property
+    def counts(self) -> NDArray[np.int64]:
+        """Rays of each technique."""
+        lobes = len(LOBE_ROUGHNESS)
+        counts = np.full(lobes + 1, self.rays // (lobes + 2))
+        counts[0] = self.rays - counts[1:].sum()
+        return counts
+
+    @cached_property
+    def mixture(self) -> tuple[Any, Any]:
+        """The widths of the lobes and the rays of each technique, on the device."""
+        alphas = lobe_parameter("preview_surface", LOBE_ROUGHNESS).astype(np.float32)
+        return self.field.device.upload(alphas), self.field.device.upload(self.counts.astype(np.float32))
+
+    @property
+    def constants(self) -> dict[str, int]:
+        """Build constants of the kernels."""
+        return {"LOBES": len(LOBE_ROUGHNESS), **model_of(self.field.model).constants}
 
 
 def gather_samples(
@@ -89,7 +141,8 @@ def trace_samples(
     e[:, 2] = np.maximum(e[:, 2], LEAST_COSINE)
     e = (e / np.linalg.norm(e, axis=1, keepdims=True)).astype(np.float32)
     origin = tracer.offset_points(surface.position, geometric, surface.triangle)
-    return _trace(e, frames, origin, surface, side, dab, tracer, field, lights, RAYS // thin, LIGHT_RAYS // thin)
+    points = _Points(dab, surface, side, e, frames, origin)
+    return _trace(points, _Trace(tracer, field, lights, RAYS // thin, LIGHT_RAYS // thin))
 
 
 def _elsewhere(field: LightField, tracer: RayTracer, materials: NDArray, eye: NDArray) -> NDArray[np.int64]:
@@ -147,68 +200,65 @@ def footprint(
     )
 
 
-def _trace(
-    eye: NDArray, frames: NDArray, origin: NDArray, surface: SurfacePoints, side: NDArray, dab: NDArray,
-    tracer: RayTracer, field: LightField, lights: LightSet, rays: int, light_rays: int,
-) -> Samples:  # fmt: skip
-    device, s = field.device, len(eye)
-    lobes = len(LOBE_ROUGHNESS)
-    counts = np.full(lobes + 1, rays // (lobes + 2))
-    counts[0] = rays - counts[1:].sum()
-    technique = np.repeat(np.arange(lobes + 1), counts).astype(np.int32)
-    rng = np.random.default_rng(7)
-    u = np.concatenate([_points_of_dabs(int(c), dab, rng) for c in counts], 1).astype(np.float32)
-    alphas = lobe_parameter("preview_surface", LOBE_ROUGHNESS).astype(np.float32)
-    mixture = (device.upload(alphas), device.upload(counts.astype(np.float32)))
-    constants = {"LOBES": lobes, **model_of(field.model).constants}
-    n = s * rays
-    local_d, world_d = device.empty((s, rays, 3), np.float32), device.empty((s, rays, 3), np.float32)
-    density_d = device.empty((s, rays), np.float32)
-    eye_d = device.upload(eye)
-    device.kernel("evidence", "make_rays", **constants)(
-        (_up(n),), (64,), eye_d, device.upload(frames), device.upload(u), device.upload(technique), *mixture,
-        np.uint32(rays), np.uint32(n), local_d, world_d, density_d,
-    )  # fmt: skip
-    world, density = device.download(world_d).reshape(-1, 3), device.download(density_d).reshape(-1)
-    starts = np.repeat(origin, rays, 0)
-    hits = tracer.intersect(starts, world)
+def _trace(p: _Points, t: _Trace) -> Samples:
+    s, device = len(p.eye), t.field.device
+    local, world, density = _make_rays(p, t)
+    starts = np.repeat(p.origin, t.rays, 0)
+    hits = t.tracer.intersect(starts, world)
     usable = density > 0
     inverse = np.where(usable, 1 / np.where(usable, density, 1), 0)
-    links_d, weights_d = field.link_hits(
+    links_d, weights_d = t.field.link_hits(
         np.where(usable, hits.triangle, -1), hits.barycentric.astype(np.float32), world
     )
-    everything: list[Any] = [*lights.placed, *lights.domes]
-    is_split = any(source.diffuse != source.specular for source in everything)
-    fixed = np.zeros((2, n, 3))  # by diffuse and by specular factors
+    locals_, lights_in = [local], [_met_lights(starts, world, density, hits, t).reshape(2, s, t.rays, 3)]
+    for source in t.sources:
+        direction, light = _sample_source(source, p, t)
+        locals_.append(direction)
+        lights_in.append(np.stack([source.diffuse * light, source.specular * light]))
+    all_local = np.concatenate(locals_, 1)
+    gain = np.concatenate([inverse.reshape(s, t.rays), np.zeros((s, all_local.shape[1] - t.rays))], 1)
+    light_d, light_s = np.concatenate(lights_in, 2).astype(np.float32)
+    is_split = any(source.diffuse != source.specular for source in t.sources)
+    return Samples(
+        p.dab, p.surface, p.side, p.eye, device.upload(by_sixteen(all_local)), light_d, light_s if is_split else None,
+        gain.astype(np.float32), links_d, weights_d, t.rays,
+    )  # fmt: skip
+
+
+def _make_rays(p: _Points, t: _Trace) -> tuple[NDArray, NDArray, NDArray]:
+    """Rays by all techniques: local directions (S, rays, 3), world ones (S * rays, 3), their density (S * rays,)."""
+    device, s, n = t.field.device, len(p.eye), len(p.eye) * t.rays
+    technique = np.repeat(np.arange(len(t.counts)), t.counts).astype(np.int32)
+    u = np.concatenate([_points_of_dabs(int(c), p.dab, t.rng) for c in t.counts], 1).astype(np.float32)
+    local_d, world_d = device.empty((s, t.rays, 3), np.float32), device.empty((s, t.rays, 3), np.float32)
+    density_d = device.empty((s, t.rays), np.float32)
+    device.kernel("evidence", "make_rays", **t.constants)(
+        (_up(n),), (64,), device.upload(p.eye), device.upload(p.frames), device.upload(u), device.upload(technique),
+        *t.mixture, np.uint32(t.rays), np.uint32(n), local_d, world_d, density_d,
+    )  # fmt: skip
+    world, density = device.download(world_d).reshape(-1, 3), device.download(density_d).reshape(-1)
+    return device.download(local_d), world, density
+
+
+def _met_lights(starts: NDArray, world: NDArray, density: NDArray, hits: Hits, t: _Trace) -> F64:
+    """What n rays (n, 3) meet of the lights, over density: (2, n, 3) by their diffuse and by their specular factors."""
+    fixed = np.zeros((2, len(world), 3))
+    usable = density > 0
     missed = (hits.triangle < 0) & usable
-    for dome in lights.domes:
-        p = light_rays * dome.dome.pdf(world[missed])
+    for dome in t.lights.domes:
+        p = t.light_rays * dome.dome.pdf(world[missed])
         seen = dome.dome.radiance(world[missed], None) / (density[missed] + p)[:, None]
         fixed[0, missed] += dome.diffuse * seen
         fixed[1, missed] += dome.specular * seen
-    for placed in lights.placed:
+    for placed in t.lights.placed:
         if not placed.is_delta:
             distance, radiance, pdf = placed.intersect(starts, world)
             met = usable & (distance < np.where(hits.triangle < 0, np.inf, hits.distance) * 1.0001)
             met |= usable & (radiance.max(1) > 0) & (hits.triangle < 0)
-            seen = radiance[met] / (density[met] + light_rays * pdf[met])[:, None]
+            seen = radiance[met] / (density[met] + t.light_rays * pdf[met])[:, None]
             fixed[0, met] += placed.diffuse * seen
             fixed[1, met] += placed.specular * seen
-    locals_, lights_in = [device.download(local_d)], [fixed.reshape(2, s, rays, 3)]
-    for source in everything:
-        direction, light = _sample_source(
-            source, dab, eye, frames, origin, device, mixture, constants, tracer, rng, light_rays
-        )
-        locals_.append(direction)
-        lights_in.append(np.stack([source.diffuse * light, source.specular * light]))
-    gain = inverse.reshape(s, rays)
-    all_local = np.concatenate(locals_, 1)
-    gain = np.concatenate([gain, np.zeros((s, all_local.shape[1] - rays))], 1)
-    light_d, light_s = np.concatenate(lights_in, 2).astype(np.float32)
-    return Samples(
-        dab, surface, side, eye, device.upload(_by_sixteen(all_local)), light_d, light_s if is_split else None,
-        gain.astype(np.float32), links_d, weights_d, rays,
-    )  # fmt: skip
+    return fixed
 
 
 def _points_of_dabs(k: int, dab: NDArray, rng: np.random.Generator) -> F64:
@@ -231,29 +281,26 @@ def _points_of_dabs(k: int, dab: NDArray, rng: np.random.Generator) -> F64:
     return out
 
 
-def _sample_source(
-    source: Any, dab: NDArray, eye: NDArray, frames: NDArray, origin: NDArray, device: Any, mixture: tuple,
-    constants: dict, tracer: RayTracer, rng: np.random.Generator, light_rays: int,
-) -> tuple[NDArray, NDArray]:  # fmt: skip
+def _sample_source(source: Any, p: _Points, t: _Trace) -> tuple[NDArray, NDArray]:
     """Local directions (S, k, 3) towards one light and its radiance over density (S, k, 3), occlusion tested."""
-    s = len(eye)
-    k = 1 if source.is_delta else light_rays
-    u = _points_of_dabs(k, dab, rng).reshape(-1, 2)
-    start = np.repeat(origin, k, 0)
+    s, device = len(p.eye), t.field.device
+    k = 1 if source.is_delta else t.light_rays
+    u = _points_of_dabs(k, p.dab, t.rng).reshape(-1, 2)
+    start = np.repeat(p.origin, k, 0)
     arrival = source.sample(start, u.astype(np.float32))
-    local = np.einsum("sij,skj->ski", frames, arrival.direction.reshape(s, k, 3)).astype(np.float32)
+    local = np.einsum("sij,skj->ski", p.frames, arrival.direction.reshape(s, k, 3)).astype(np.float32)
     up = local[..., 2].reshape(-1) > 0
     density = np.zeros(s * k)
     if not source.is_delta:
         density_d = device.empty((s, k), np.float32)
-        device.kernel("evidence", "density_at", **constants)(
-            (_up(s * k),), (64,), device.upload(eye), device.upload(local), *mixture, np.uint32(k), np.uint32(s * k),
-            density_d,
+        device.kernel("evidence", "density_at", **t.constants)(
+            (_up(s * k),), (64,), device.upload(p.eye), device.upload(local), *t.mixture, np.uint32(k),
+            np.uint32(s * k), density_d,
         )  # fmt: skip
         density = device.download(density_d).reshape(-1).astype(np.float64)
     shines = up & (arrival.pdf > 0) & (arrival.radiance.max(1) > 0)
     rows = np.flatnonzero(shines)
-    blocked = tracer.occluded(start[rows], arrival.direction[rows], arrival.distance[rows] * np.float32(0.9999))
+    blocked = t.tracer.occluded(start[rows], arrival.direction[rows], arrival.distance[rows] * np.float32(0.9999))
     rows = rows[~blocked]
     light = np.zeros((s * k, 3))
     if source.is_delta:
@@ -263,7 +310,7 @@ def _sample_source(
     return local, light.reshape(s, k, 3)
 
 
-def _by_sixteen(rows: NDArray) -> NDArray[np.float32]:
+def by_sixteen(rows: NDArray) -> NDArray[np.float32]:
     """Lays rows (R, K, 3) out as (R, 3, K') with K filled up to a multiple of 16 by zeros."""
     r, k, _ = rows.shape
     out = np.zeros((r, 3, -(-k // 16) * 16), np.float32)
