@@ -70,7 +70,7 @@ def write_look(
 
     with progress(settings.quiet) as say:
         session = shot.open(settings, stage, say)
-        check_look_place(session.shot, files.output)  # before the work, not after it
+        check_look_place(session.shot.source, files.output)  # before the work, not after it
         find(session)
         session.author(files.output, review_root=files.review_root, **author)
     found = session.report()
