@@ -227,6 +227,7 @@ def Xform "World" (
                 float4 inputs:bias = (0, 0, 0, 0)
                 float4 inputs:fallback = (.2, .2, .2, 1)
                 token inputs:wrapS = "repeat"
+                token inputs:wrapT = "repeat"
                 token inputs:sourceColorSpace = "auto"
                 float2 inputs:st.connect = </World/mtl/wood/turn.outputs:result>
                 float3 outputs:rgb
