@@ -29,7 +29,7 @@ from usdslf.color import color_of
 from usdslf.edits import baked_texture as bake
 from usdslf.edits.storage import Storage
 from usdslf.errors import AuthorError
-from usdslf.inference import direct as infer
+from usdslf.inference import direct, refits
 from usdslf.inference.answers import changed_surface
 from usdslf.inference.changes import with_varying
 from usdslf.session import Session
@@ -265,9 +265,9 @@ def test_what_can_no_longer_be_stored_is_written_as_its_mean(tmp_path: Path) -> 
 def test_an_answer_that_the_light_moves_out_of_storage_stays_as_it_could_be_stored(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    real, gone = infer.storage_of, []
-    monkeypatch.setattr(infer, "changed_surface", lambda *a: gone.append(True) or changed_surface(*a))
-    monkeypatch.setattr(infer, "storage_of", lambda *a: Storage(0, why_not="it is gone") if gone else real(*a))
+    real, gone = refits.storage_of, []
+    monkeypatch.setattr(direct, "changed_surface", lambda *a: gone.append(True) or changed_surface(*a))
+    monkeypatch.setattr(refits, "storage_of", lambda *a: Storage(0, why_not="it is gone") if gone else real(*a))
     session = solved(write_floor(tmp_path), stroke(seen(P, gradient(P))))
     edits = session.author(tmp_path / "look.usda")
     found = session.report()["strokes"][0]

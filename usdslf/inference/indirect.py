@@ -17,10 +17,10 @@ from usdslf.errors import SolveError, StrokeError
 from usdslf.inference.answers import Alternative, Answer, Painted, Pool, means_after, means_of
 from usdslf.inference.bilinear import Tables, pool_tables
 from usdslf.inference.candidate import Candidate
-from usdslf.inference.direct import fixed_materials
 from usdslf.inference.fit import whiten
 from usdslf.inference.joint_fit import Change, Fitted, fit_changes, mean_error, radiance_of
 from usdslf.inference.least_squares import bounded_least_squares
+from usdslf.inference.pools import fixed_materials
 from usdslf.inference.receivers import F64, Receiver, make_receiver, materials_in_sight, receiver_tables
 from usdslf.inference.residuals import relative_rms
 from usdslf.inference.solve import enumerate_candidates, relative_error, tempered

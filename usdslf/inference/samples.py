@@ -189,9 +189,7 @@ def footprint(
     same = (hits.triangle >= 0) & (
         table.mesh[np.maximum(hits.triangle, 0)] == np.repeat(table.mesh[located.triangle[rows]], count)
     )
-    same &= (
-        table.material[np.maximum(hits.triangle, 0)] == np.repeat(table.material[located.triangle[rows]], count)
-    )
+    same &= table.material[np.maximum(hits.triangle, 0)] == np.repeat(table.material[located.triangle[rows]], count)
     missing = np.setdiff1d(np.arange(len(rows)), dab[same])  # a dab smaller than the rounding: its centre
     return (
         np.concatenate([dab[same], missing]),

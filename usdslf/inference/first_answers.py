@@ -1,0 +1,216 @@
+"""First answers: what each pool of strokes asks for in the light as it is, before any change goes round.
+
+    first_answers(pools, evidence, painted, ask) -> answers, strokes; what was painted too bright asks for less
+
+An answer is the cheapest candidate or the one that was chosen, varies where the strokes ask for it and it can be
+stored, is none where no change explains what was painted, and goes on to what is similar where a stroke says so.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from usdslf.edits.storage import storage_of
+from usdslf.errors import StrokeError
+from usdslf.inference.answers import Answer, Painted, Pool, means_of, scope_rows
+from usdslf.inference.attainable import dimming, error_of, explains_nothing, seems_too_bright
+from usdslf.inference.bilinear import Tables, pool_tables
+from usdslf.inference.candidate import Candidate
+from usdslf.inference.evidence import Evidence
+from usdslf.inference.fit import Problem
+from usdslf.inference.pools import fixed_materials, pool_names
+from usdslf.inference.refits import refit_answer
+from usdslf.inference.solve import enumerate_candidates, relative_error
+from usdslf.inference.tools import expected_error
+from usdslf.inference.varying import VaryingAnswer, as_spread, asks_to_vary, places_of_dabs, varying_answers
+from usdslf.inference.weights import Options
+from usdslf.light_field.light_field import LightField
+from usdslf.scene.records import Scene
+from usdslf.similarity.materials import ALL, MOST, OF_MATERIALS, alike_materials
+from usdslf.similarity.similarity import Weights, reach_of
+
+
+@dataclass(frozen=True)
+class Asking:
+    """What all strokes of a solve are asked under."""
+
+    scene: Scene
+    field: LightField
+    options: Options
+    choose: Mapping[str, str]  # stroke name -> id of the alternative to take
+    bounces: int  # most of a round
+    similarity: Weights | None  # of what strokes of scope `similar` change beside the painted material
+    said: list[str]  # takes sentences
+
+
+def first_answers(
+    pools: list[Pool], evidence: list[Evidence], painted: list[Painted], ask: Asking
+) -> tuple[list[Answer], list[Painted]]:
+    """Returns the answer of each pool, and the strokes: what was painted too bright asks for what is possible.
+
+    The light field is left as it was.
+
+    Raises: StrokeError for an alternative that is none.
+    """
+    answers = [_first_answer(p, evidence, painted, ask) for p in pools]
+    factors = _out_of_reach(answers, painted, ask)
+    if factors:
+        dimmed = [replace(p, wanted=factors.get(i, 1.0) * e.target) for i, (p, e) in enumerate(zip(painted, evidence))]
+        painted = [dimmed[i] if i in factors else p for i, p in enumerate(painted)]
+        evidence = [p.evidence(ask.field) for p in painted]
+        answers = [_first_answer(p, evidence, painted, ask) for p in pools]
+    answers = [_or_nothing(a, painted, ask) for a in answers]
+    for i, a in enumerate(answers):  # what one change goes on to is taken for those that follow
+        answers[i] = _with_alike(a, answers, evidence, painted, ask)
+    return answers, painted
+
+
+def _first_answer(pool: Pool, evidence: list[Evidence], painted: list[Painted], ask: Asking) -> Answer:
+    """The best or chosen answer of a pool in the light as it is."""
+    mine = [evidence[i] for i in pool.strokes]
+    tables = pool_tables(mine, pool.material, ask.field.model)
+    norms = {e.stroke.norm for e in mine} - {"mixed"}
+    options = replace(ask.options, norm=norms.pop()) if len(norms) == 1 else ask.options
+    options = replace(options, dab_error=max(options.dab_error, expected_error([e.stroke for e in mine])))
+    candidates = enumerate_candidates(tables, options)
+    if pool.is_held:
+        candidates = [c for c in candidates if not c.freed]
+    wanted = [ask.choose.get(e.stroke.name) or e.stroke.choice for e in mine]
+    wanted = [w for w in wanted if w and not pool.is_held]
+    varied: list[VaryingAnswer] = []
+    if not pool.is_held and options.norm == "mixed":
+        constant = None if wanted else candidates[0]
+        varied = _storable(pool, tables, options, constant, mine, ask)
+    chosen, varying = candidates[0], None
+    if wanted:
+        found = next((c for c in candidates if c.id == wanted[0]), None)
+        other = next((a for a in varied if a.id == wanted[0]), None)
+        if found is None and other is None:
+            known = ", ".join([*(c.id for c in candidates), *(a.id for a in varied)])
+            raise StrokeError(f"{mine[0].stroke.path}: there is no alternative '{wanted[0]}'; choose one of {known}")
+        chosen, varying = (other.mean, other.varying) if found is None and other else (found or chosen, None)
+    else:
+        best = next((a for a in varied if asks_to_vary(tables, options, a, chosen)), None)
+        chosen, varying = (best.mean, best.varying) if best else (chosen, None)
+    none = next((c for c in candidates if c.id == "none"), Candidate(()))
+    before = relative_error(tables, replace(none, level=tables.own))
+    start = Answer(
+        pool, chosen, tuple(candidates), tables, {}, {}, before, before, (),
+        varying is None and seems_too_bright(tables, candidates), varied=tuple(varied), varying=varying,
+    )  # fmt: skip
+    return refit_answer(start, evidence, painted, ask.field, ask.options)
+
+
+def _storable(
+    pool: Pool, tables: Tables, options: Options, constant: Candidate | None, mine: list[Evidence], ask: Asking,
+) -> list[VaryingAnswer]:  # fmt: skip
+    """The best answer of each parameter that varies and can be stored; says what is asked for and cannot be.
+
+    Args:
+        constant: the best constant answer; None where the artist has chosen.
+    """
+    brush = float(np.mean([e.stroke.widths.mean() for e in mine]))
+    places = places_of_dabs(mine, pool.material)
+    found: dict[str, VaryingAnswer] = {}
+    why: dict[str, None] = {}
+    refused: set[tuple[str, bool]] = set()
+    for a in varying_answers(Problem.of(tables, options), places, brush, pool.scope == "stroke"):
+        kind = (a.id, a.varying.is_grey)
+        if a.id in found or kind in refused:
+            continue
+        storage = storage_of(ask.scene, pool.material, pool.targets, a.varying)
+        why_not = storage.why_not
+        if not why_not:
+            found[a.id] = a
+            continue
+        if not storage.is_too_coarse:  # a smoother change could be stored no better
+            refused.add(kind)
+        if constant is not None and asks_to_vary(tables, options, a, constant):
+            why[f"a {a.id}: {why_not}"] = None
+    if why and not (constant and any(asks_to_vary(tables, options, a, constant) for a in found.values())):
+        ask.said.append(
+            f"{', '.join(e.stroke.path for e in mine)}: the strokes ask for a change that varies over "
+            f"{ask.scene.materials[pool.material].path}, which cannot be stored ({'; '.join(why)}); it is constant"
+        )
+    return list(found.values())
+
+
+def _out_of_reach(answers: list[Answer], painted: list[Painted], ask: Asking) -> dict[int, float]:
+    """Factors of the strokes that are too bright even for a white surface and the light that it sends round; said."""
+    field, factors = ask.field, dict[int, float]()
+    original, as_it_was_d = field.surface, None
+    for a in answers:
+        if a.pool.is_held or not a.is_too_bright:
+            continue
+        as_it_was_d = field.outgoing_d.copy() if as_it_was_d is None else as_it_was_d
+        rows = scope_rows(a.pool, field, ask.scene, painted)
+        one = np.ones(1, np.float32)
+        white = {"f0": one, "f90": one} if a.tables.is_metal else {"diffuse": one}
+        field.set_surface(original.with_rows(rows, **white))
+        for _ in field.converge(ask.bounces):
+            pass
+        mine = [painted[i].evidence(field) for i in a.pool.strokes]
+        factor = dimming(pool_tables(mine, a.pool.material, field.model))
+        if factor == 1:
+            continue
+        factors |= dict.fromkeys(a.pool.strokes, factor)
+        names = ", ".join(painted[i].stroke.path for i in a.pool.strokes)
+        ask.said.append(
+            f"{names}: painted {1 / factor:.1f} times brighter than the surface can be in this light; its hue is "
+            "kept and its brightness lowered to that"
+        )
+    if as_it_was_d is not None:
+        field.set_surface(original)
+        field.outgoing_d = as_it_was_d
+    return factors
+
+
+def _or_nothing(answer: Answer, painted: list[Painted], ask: Asking) -> Answer:
+    """The answer, unless its change explains next to nothing and nobody chose it: then none."""
+    c, t = answer.chosen, answer.tables
+    strokes = [painted[i].stroke for i in answer.pool.strokes]
+    if not c.freed or answer.varying or any(ask.choose.get(s.name) or s.choice for s in strokes):
+        return answer
+    none = replace(next((x for x in answer.candidates if x.id == "none"), Candidate(())), level=t.own)
+    before, after = error_of(t, none), error_of(t, c)
+    if not explains_nothing(before, after):
+        return answer
+    ask.said.append(
+        f"{', '.join(s.path for s in strokes)}: no change of the material comes near what was painted (the best "
+        f"leaves {after / before:.0%} of the difference); nothing is changed"
+    )
+    before_, after_ = means_of(t, none)
+    return replace(answer, chosen=none, before=before_, after=after_)
+
+
+def _with_alike(
+    answer: Answer, answers: list[Answer], evidence: list[Evidence], painted: list[Painted], ask: Asking
+) -> Answer:
+    """The answer with the materials that change too, wholly or in part, where one of its strokes says `similar`."""
+    pool, scene = answer.pool, ask.scene
+    if not any(painted[i].stroke.scope == "similar" for i in pool.strokes) or not answer.chosen.freed:
+        return answer
+    taken = [a.pool for a in answers if a.pool != pool]
+    leave = {pool.material, *(p.material for p in taken), *(m for p in taken for m in (*p.alike, *p.partly))}
+    leave |= set(fixed_materials(evidence))
+    mine = [evidence[i] for i in pool.strokes]  # all dabs that the change is known at, whatever their scope
+    places = places_of_dabs(mine, pool.material)
+    brush = float(np.mean([e.stroke.widths.mean() for e in mine]))
+    reach = reach_of(places.position, 0.5 * brush)
+    shares = alike_materials(scene, ask.field.elements, places, reach, leave, ask.similarity)
+    spread = as_spread(answer.chosen, answer.varying, places, reach, ask.similarity or OF_MATERIALS)
+    whole, partly = [m for m, share in shares.items() if share > MOST], []
+    for m in (m for m, share in shares.items() if share <= ALL):
+        why = storage_of(scene, m, (), spread).why_not if spread else "its change has several parameters"
+        if not why:
+            partly.append(m)
+        ask.said.append(
+            f"{pool_names(painted, pool)}: {shares[m]:.0%} of {scene.materials[m].path} is similar; "
+            + (f"all or nothing of it changes: {why}" if why else "that part of it changes")
+        )
+    whole = [m for m in whole if m not in partly]
+    pool = replace(pool, alike=tuple(whole), partly=tuple(partly))
+    return replace(answer, pool=pool, spread=spread if partly else None)
