@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 
 from usdslf.edits.edits import inferred
 from usdslf.inference.answers import Answer, Pool, alike_means, means_of
+from usdslf.inference.uncertainty import interval, probabilities
+from usdslf.inference.weights import Options
 from usdslf.look import Look
 from usdslf.scene.records import Scene
 from usdslf.shot import Shot
@@ -104,6 +106,7 @@ def _of_stroke(
     t = answer.tables
     as_preview = solution.as_preview.get(answer.pool)
     as_written = written.get(answer.pool)
+    explained = [*((c.id, c) for c in answer.candidates), *((a.id, a.mean) for a in answer.varied)]
     found = {
         "path": stroke.path,
         "surface": _surface_of(shot.scene, stroke, answer.pool.material),
@@ -118,9 +121,15 @@ def _of_stroke(
         **({} if as_written is None else {"residual_as_written": as_written}),
         "ambiguous": answer.is_ambiguous,
         "varies": answer.varying is not None,
+        "range": _ranges(answer),
         "alternatives": [
-            {"id": name, "cost": c.cost if c.is_admitted else None, "after": _plain(means_of(t, c)[1])}
-            for name, c in [*((c.id, c) for c in answer.candidates), *((a.id, a.mean) for a in answer.varied)]
+            {
+                "id": name,
+                "cost": c.cost if c.is_admitted else None,
+                "probability": chance,
+                "after": _plain(means_of(t, c)[1]),
+            }
+            for (name, c), chance in zip(explained, probabilities([c for _, c in explained]).tolist(), strict=True)
         ],
     }
     alike = (*answer.pool.alike, *answer.pool.partly)
@@ -146,6 +155,20 @@ def _of_stroke(
     return found
 
 
+def _ranges(answer: Answer) -> dict[str, Any]:
+    """Least and greatest value of each parameter that changed, which hold 90 % of what the paint may mean.
+
+    Empty for answers that vary, and for indirect ones.
+    """
+    c = answer.chosen
+    if answer.varying or answer.others:
+        return {}
+    found = interval(answer.tables, Options(), c)
+    names = {"diffuse": "diffuse", "specular": "specular", "glossiness": "roughness"}
+    ends = {names[f]: getattr(found, names[f]) for f in c.freed}
+    return {name: [_plain({"": end})[""] for end in each] for name, each in ends.items()}
+
+
 def _plain(values: Mapping[str, NDArray]) -> dict[str, Any]:
     return {k: v.tolist() if len(v) > 1 else float(v[0]) for k, v in values.items()}
 
@@ -163,6 +186,8 @@ def lines_of_report(report: Mapping[str, Any]) -> Iterator[str]:
         yield f"{stroke['path']} on {stroke['surface']}: {stroke['inferred']} of {stroke['material']}{tie}"
         residual = f"{stroke['residual_before']:.3f} -> {stroke['residual_after']:.3f}"
         yield f"  {_changes(stroke)}; residual {residual}"
+        for name, (low, high) in stroke.get("range", {}).items():
+            yield f"  the paint allows {name} {_value(low)} to {_value(high)} (90 %)"
         for also in stroke.get("also", ()):
             yield f"  and {also['inferred']} of {also['material']}: {_changes(also)}"
     for edit in report["edits"]:

@@ -22,6 +22,7 @@ from usdslf.elements.elements import Elements
 from usdslf.elements.lookup import ElementLookup
 from usdslf.gpu.device import Device
 from usdslf.inference.answers import Answer
+from usdslf.inference.next_dab import NextDab, next_dab
 from usdslf.inference.weights import Options
 from usdslf.light_field.light_field import LightField
 from usdslf.light_field.visibility import Visibility
@@ -196,6 +197,24 @@ class Session:
         """
         with self._hearing():
             return render_shot(self.shot, camera, None, size, aovs, samples, **options)
+
+    def next_dab(self, stroke: str | None = None, camera: Camera | str | None = None) -> NextDab:
+        """Returns where one more dab best tells the two leading explanations of a stroke apart, after `solve`.
+
+        Args:
+            stroke: its name or path; None: the one whose explanations are nearest to each other.
+            camera: on whose picture, or its path; None: the shot's first, or one that sees everything.
+
+        Returns: a place (0..1 of the picture and in the world [stage units]), the scene-linear radiance that each
+            explanation expects there, and whether one dab there decides.
+
+        Raises: SolveError where nothing was solved, the stroke is indirect, or the camera does not see its material.
+        """
+        answer = self.solution.closest_call(stroke)
+        view = camera if isinstance(camera, Camera) else self.camera(camera)
+        shot = self.shot
+        with self._hearing():
+            return next_dab(answer, view, shot.scene, shot.tracer, shot.light_field, shot.light_set)
 
     def similarity(
         self, stroke: Stroke | Sequence[Stroke], camera: Camera | str | None = None,

@@ -94,6 +94,25 @@ class Solution:
     warnings: tuple[str, ...] = ()
     seconds: Mapping[str, float] = field(default_factory=dict)
 
+    def closest_call(self, stroke: str | None = None) -> Answer:
+        """Returns the direct answer whose two leading explanations cost most nearly the same.
+
+        Args:
+            stroke: name or path of a stroke that it has to be of; None: any.
+
+        Raises: SolveError where there is none.
+        """
+        of = {i for i, s in enumerate(self.strokes) if stroke is None or stroke in (s.name, s.path)}
+        gaps: list[tuple[float, int]] = []
+        for k, a in enumerate(self.answers):
+            rivals = [c.cost for c in a.candidates if c.id != a.chosen.id]
+            if rivals and not a.others and not a.pool.is_held and of & set(a.pool.strokes):
+                gaps.append((min(rivals) - a.chosen.cost, k))
+        if not gaps:
+            which = f"the stroke {stroke}" if stroke else "any stroke"
+            raise SolveError(f"there is no direct answer to {which}; solve direct strokes first")
+        return self.answers[min(gaps)[1]]
+
     def changes(self, shot: Shot, mode: str = "") -> list[MaterialChange]:
         """Returns what was found as changes of materials.
 

@@ -135,7 +135,9 @@ def _means_of_swatches(t: Tables) -> F64:
 
 def probabilities(candidates: Sequence[Candidate]) -> NDArray[np.float64]:
     """Returns how likely each of the candidates (n,) is, given that one of them is right."""
-    cost = np.array([c.cost for c in candidates])
+    if not candidates:
+        return np.zeros(0)
+    cost = np.array([c.cost if c.is_admitted else np.inf for c in candidates])
     odds = np.exp(-(cost - cost.min()) / TEMPERATURE)
     out: NDArray[np.float64] = odds / odds.sum()
     return out

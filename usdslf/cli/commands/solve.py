@@ -14,6 +14,9 @@ from usdslf.cli.shot_options import Lighting, lighting_options
 from usdslf.strokes.stroke import NORMS, frame_of
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from usdslf.inference.next_dab import NextDab
     from usdslf.session import Session
 
 DIRECTIONS = 1024  # of each element, as the kernels have them
@@ -28,6 +31,7 @@ class Choice:
     similarity: tuple[float, float, float] | None
     choose: tuple[tuple[str, str], ...]  # stroke, id of an alternative
     mode: str | None
+    next_dab: bool
 
 
 @click.command(cls=Command)
@@ -55,6 +59,12 @@ class Choice:
     help="override: all that show the material; new: a material for what was painted only; class: all "
     "instances, by their asset's class.  Default: as each stroke's scope says.",
 )
+@click.option(
+    "--next",
+    "next_dab",
+    is_flag=True,
+    help="Also say where one more dab best tells the two leading explanations apart, and what each expects there.",
+)
 @lighting_options("Give surfaces without UsdPreviewSurface one, to edit them.")
 @gathered("choice", Choice)
 @settings
@@ -80,5 +90,14 @@ def solve(
         for each in painted:
             session.add_stroke(each)
         session.solve(choice.norm, dict(choice.choose), weighed, similar)
+        if choice.next_dab:
+            click.echo("\n".join(_lines_of_next(session.next_dab())))
 
     write_look(settings, stage, shot, files, find, strokes_path=strokes, mode=choice.mode or "")
+
+
+def _lines_of_next(dab: NextDab) -> Iterator[str]:
+    sure = "decides" if dab.is_decisive else "says most, but may not decide"
+    yield f"next dab: --path \"{dab.xy[0]:.3f},{dab.xy[1]:.3f}\" {sure}"
+    for name, color in dab.expected.items():
+        yield f"  {name} expects --color {','.join(f'{c:.4g}' for c in color)}"
