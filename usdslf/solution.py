@@ -194,8 +194,7 @@ def find_solution(shot: Shot, strokes: Sequence[Stroke], settings: Settings | No
     for a in answers:
         if a.is_ambiguous and not a.others:
             names = ", ".join(active[i].path for i in a.pool.strokes)
-            other = next(c.id for c in a.candidates if c.id != a.chosen.id)
-            sentence = f"{names}: {a.chosen.id} and {other} explain it about equally well; paint more or choose"
+            sentence = f"{names}: {a.chosen.id} and {a.ties[0]} explain it about equally well; paint more or choose"
             if sentence not in said:
                 said.append(sentence)
     return Solution(

@@ -79,8 +79,13 @@ class Answer:
         """Whether another explanation costs about the same."""
         if self.others:
             return any(a.is_tie for a in self.others)
-        others = [c.cost for c in self.candidates if c.id != self.chosen.id and c.is_admitted]
-        return bool(others) and min(others) - self.chosen.cost < AMBIGUOUS
+        return bool(self.ties)
+
+    @property
+    def ties(self) -> tuple[str, ...]:
+        """Names of the other candidates that cost about the same, the cheapest first."""
+        others = (c for c in self.candidates if c.id != self.chosen.id and c.is_admitted)
+        return tuple(c.id for c in others if abs(c.cost - self.chosen.cost) < AMBIGUOUS)
 
 
 @dataclass

@@ -360,7 +360,7 @@ def _look(e: Explanation) -> tuple:
 
 def _is_tie(e: Explanation, chosen: Explanation) -> bool:
     """Whether another explanation is as good as the chosen one, and not the same in other words."""
-    is_near = e.is_admitted and e.cost - chosen.cost < AMBIGUOUS and len(e.changes) == 1
+    is_near = e.is_admitted and abs(e.cost - chosen.cost) < AMBIGUOUS and len(e.changes) == 1
     return is_near and bool(chosen.changes) and _look(e) != _look(chosen)
 
 
