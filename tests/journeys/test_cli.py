@@ -198,7 +198,7 @@ def test_unexpected_errors_are_one_line(shot: Path, run: Run, monkeypatch: pytes
     def fail(*_: object, **__: object) -> None:
         raise ZeroDivisionError("a slip")
 
-    monkeypatch.setattr("usdslf.session.read_scene", fail)
+    monkeypatch.setattr("usdslf.shot.read_scene", fail)
     code, out, err = run("info", shot)
     assert (code, out) == (1, "")
     assert err.splitlines() == ["usdslf: internal error: ZeroDivisionError: a slip (--debug shows where)"]
@@ -466,9 +466,9 @@ def test_interrupt_leaves_the_earlier_file(shot: Path, tmp_path: Path) -> None:
     target = tmp_path / "a.exr"
     target.write_bytes(b"earlier")
     code = (
-        "import sys, usdslf.session as s\n"
+        "import sys, usdslf.look as s\n"
         "def stop(*a, **k): raise KeyboardInterrupt\n"
-        "s.render = stop\n"
+        "s.render_bands = stop\n"
         "from usdslf.cli.main import main\n"
         "sys.exit(main())\n"
     )
