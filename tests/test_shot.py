@@ -175,6 +175,28 @@ def test_work_that_is_cancelled_while_it_makes_something_leaves_what_was_made_be
     assert len(shot.visibility.hit) == len(shot.elements)
 
 
+def test_work_says_how_far_it_is_all_the_time(stage: Path, tmp_path: Path) -> None:
+    said: list[tuple[str, float]] = []
+    at = [time.perf_counter()]
+
+    def say(name: str, share: float) -> None:
+        said.append((name, share))
+        at.append(time.perf_counter())
+
+    session = Session(str(stage), elements=400, bounces=2, say=say)
+    assert session.scene and session.tracer  # `dabs` asks the shot, which nobody hears
+    session.add_stroke(dabs(session.shot, AT, (0.5, 0.1, 0.1)))
+    session.solve()
+    session.author(tmp_path / "look.usda")
+    gaps = np.diff([*at, time.perf_counter()])
+    longest = int(gaps.argmax())
+    print(f"longest gap {gaps[longest]:.2f} s, after {said[longest - 1] if longest else 'nothing'}")
+    assert gaps[longest] < 20
+    # Beginnings and ends are said anyway: two each of what is read, and of elements and light.
+    for name, least in (("read", 5), ("elements", 6), ("visibility", 6), ("light", 6), ("evidence", 3)):
+        assert sum(step == name for step, _ in said) >= least, (name, said)
+
+
 # ── progress itself ──────────────────────────────────────────────────────────────────────────────
 
 

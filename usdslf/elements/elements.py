@@ -17,6 +17,7 @@ from scipy.spatial import cKDTree
 
 from usdslf.elements.reachability import CANDIDATE_ROUNDS, PROBE_ROUNDS, find_reached_points, share_of_reached
 from usdslf.errors import StageError
+from usdslf.progress import tell
 from usdslf.sampling.blue_noise import choose_blue_noise, surface_coordinates
 from usdslf.sampling.frames import tangents
 from usdslf.scene.records import F32, I32, Scene
@@ -104,6 +105,7 @@ def sample_elements(
     both = np.tile(number * (area_of_part > 0), 2)
     everywhere = np.ones(2 * parts, bool)
     probed, _ = _reached_candidates(scene, tracer, area, part_of_triangle, both, everywhere, PROBE_ROUNDS, rng)
+    tell(0.25)
     reached = np.bincount(probed.group, minlength=2 * parts) / np.maximum(both, 1)
     share = np.tile(_share_of_curved(scene, area, part_of_triangle, count), 2)
     if not reached.any():
@@ -115,12 +117,14 @@ def sample_elements(
     number = np.ceil(CANDIDATES * quota / np.maximum(reached, 0.05)).astype(np.int64)
     doubtful = reached < 1
     pool, points = _reached_candidates(scene, tracer, area, part_of_triangle, number, doubtful, CANDIDATE_ROUNDS, rng)
+    tell(0.5)
     reached = np.bincount(pool.group, minlength=2 * parts) / np.maximum(number, 1)
     quota = share_out(reached * side_area * share, count)
     spacing = np.sqrt(reached * side_area / np.maximum(quota, 1))
 
     coordinates = surface_coordinates(pool.position, pool.normal, pool.group, spacing[pool.group])
     chosen = choose_blue_noise(coordinates, pool.group, quota, rng)
+    tell(0.9)
     number = np.bincount(pool.group[chosen], minlength=2 * parts)
     each = (reached * side_area) / np.maximum(number, 1)
     surroundings = cKDTree(coordinates[chosen]).query(coordinates, workers=tracer.threads)[1]

@@ -30,6 +30,7 @@ from usdslf.inference.tools import wanted_radiance
 from usdslf.inference.weights import Options
 from usdslf.light_field.light_field import LightField, Surface
 from usdslf.lights.sources import LightSet
+from usdslf.progress import tell
 from usdslf.scene.records import Scene
 from usdslf.similarity.similarity import Weights
 from usdslf.strokes.stroke import Stroke
@@ -49,6 +50,7 @@ def gather_strokes(
     Raises: StrokeError for a stroke that lies on no surface.
     """
     painted = []
+    active = sum(s.active for s in strokes)
     for stroke in strokes:
         if not stroke.active:
             continue
@@ -56,6 +58,7 @@ def gather_strokes(
         samples, rows = gather_samples(stroke, scene, tracer, field, lights, warnings)
         wanted = wanted_radiance(stroke, rows, samples, scene, tracer, field, lights, warnings)
         painted.append(Painted(stroke, samples, rows, wanted))
+        tell(len(painted) / active)
     return painted
 
 

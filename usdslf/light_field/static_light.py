@@ -18,6 +18,7 @@ from usdslf.light_field.links import ESCAPES
 from usdslf.light_field.visibility import Visibility
 from usdslf.lights.dome import Dome, Peaks, table_index
 from usdslf.lights.sampling import LightHit, LightSample, intersect_light, is_delta, sample_light
+from usdslf.progress import tell
 from usdslf.rays import RayTracer, thread_count
 from usdslf.sampling.hemisphere import (
     SIDE,
@@ -97,6 +98,7 @@ def static_light(
                 total.reshape(-1, 3)[at] += value if factor == 1 else value * np.float32(factor)
 
     origins = tracer.offset_points(elements.position, elements.geometric_normal, elements.triangle)
+    done = 0  # lights
     with ThreadPoolExecutor(thread_count()) as pool:
         for light, dome in domes:
             read = _reader(elements, dome, visibility)
@@ -105,7 +107,10 @@ def static_light(
                 rows = slice(first, min(first + STEP, n))
                 add(slice(rows.start * D, rows.stop * D), read(rows), light)
 
-            list(pool.map(add_dome, range(0, n, STEP)))
+            for _ in pool.map(add_dome, range(0, n, STEP)):
+                tell()
+            done += 1
+            tell(done / len(used))
         for source in drawn:
             shifts = random_shifts(n, rng)
 
@@ -114,7 +119,10 @@ def static_light(
                 at, value = _drawn_light(source, origins[rows], elements.frame[rows], shifts[rows], tracer)
                 add(at + first * D, value, source.light)
 
-            list(pool.map(add_drawn, range(0, n, BATCH)))
+            for _ in pool.map(add_drawn, range(0, n, BATCH)):
+                tell()
+            done += 1
+            tell(done / len(used))
     return StaticLight(diffuse, specular)
 
 

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from usdslf.progress import tell
 from usdslf.rays import LEAST_COSINE, RayTracer
 from usdslf.sampling.hemisphere import D, bin_directions
 from usdslf.scene.records import F32
@@ -107,6 +108,7 @@ def trace_bins(
         )
         hit[rays] = device.download(packed_d[turn % 2])[:count]
         total += count
+        tell(total / (n * D) if wanted is None else None)
     return total
 
 

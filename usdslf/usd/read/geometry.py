@@ -14,6 +14,7 @@ import numpy as np
 from pxr import Usd, UsdGeom
 
 from usdslf.geometry.shape import REFINED_FACES_MAX, Shape, build_shape, fingerprint, place
+from usdslf.progress import tell
 from usdslf.scene.records import F32, F64, I32, Mesh
 from usdslf.usd.binding import bound_material
 from usdslf.usd.notes import Notes
@@ -25,6 +26,7 @@ from usdslf.usd.read.primvars import read_primvars
 from usdslf.usd.read.skinning import Skins
 
 TRIANGLES_MAX = 30_000_000  # of a stage, after instancing
+PRIMS = 256  # that are read between two words of progress
 REFINED_TRIANGLES_MAX = 3_000_000  # of a stage; cages are refined less rather than pass it
 
 _CONSTANT = {"constant": 1}
@@ -53,7 +55,9 @@ def read_meshes(
     reader = _Reader(time, _affordable(everything, refine, time, notes), notes)
     meshes: list[Mesh] = []
     total = 0
-    for placed in everything:
+    for number, placed in enumerate(everything):
+        if number % PRIMS == 0:
+            tell(number / len(everything))
         read = reader.shape(placed.prim)
         if read is None:
             continue
