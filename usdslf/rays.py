@@ -14,6 +14,7 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import TypeVar
+from weakref import finalize
 
 import numpy as np
 from embreex.mesh_construction import TriangleMesh
@@ -83,11 +84,12 @@ class RayTracer:
             TriangleMesh(self._embree, corners.reshape(-1, 3), index)
         self._embree.run(np.zeros((1, 3), np.float32), np.ones((1, 3), np.float32))
         self._pool = ThreadPoolExecutor(self.threads, thread_name_prefix="usdslf-rays")
+        finalize(self, self._pool.shutdown, wait=False)
 
         clear = np.fromiter((not m.is_opaque for m in scene.materials), bool)
         self._threshold = np.array([m.opacity_threshold for m in scene.materials], np.float32)
         self._clear = clear[triangles.material] if np.any(clear) else None
-        self._opacity = opacity or self._material_opacity
+        self._opacity = opacity  # None: the materials'; a method here would keep the tracer until garbage is collected
 
     def intersect(self, origins: NDArray, directions: NDArray, stop_at_translucent: bool = False) -> Hits:
         """Finds the first surface along each ray.
@@ -214,7 +216,7 @@ class RayTracer:
 
     def _lets_through(self, o: F32, d: F32, hits: Hits, rays: NDArray, stop_at_translucent: bool) -> NDArray:
         triangle = hits.triangle[rays]
-        opacity = self._opacity(triangle, hits.barycentric[rays])
+        opacity = (self._opacity or self._material_opacity)(triangle, hits.barycentric[rays])
         threshold = self._threshold[self.scene.triangles.material[triangle]]
         chance = np.float32(-1) if stop_at_translucent else _hash_unit(o, d, triangle)
         return np.where(threshold > 0, opacity < threshold, chance >= opacity)
