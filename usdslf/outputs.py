@@ -29,11 +29,11 @@ def check_place(path: str | Path, error: type[UsdslfError] = InputError) -> None
     """Raises `error` where no file can be written at `path`; a long run should not find out at its end."""
     path = Path(path)
     folder = path.parent
-    if not folder.is_dir():
+    if not os.path.isdir(folder):  # unlike Path.is_dir it answers for folders that may not be looked into
         raise error(f"{path} cannot be written: there is no folder {folder}; create it first")
-    if path.is_dir():
+    if os.path.isdir(path):
         raise error(f"{path} cannot be written: it is a folder; give the name of a file")
-    if not os.access(folder, os.W_OK) or (path.exists() and not os.access(path, os.W_OK)):
+    if not os.access(folder, os.W_OK | os.X_OK) or (os.path.exists(path) and not os.access(path, os.W_OK)):
         raise error(f"{path} cannot be written: permission denied; choose another place")
 
 

@@ -34,9 +34,9 @@ def replacing(path: str | os.PathLike[str], error: type[UsdslfError] = InputErro
         UsdslfError: of the kind `error`: the folder is missing, `path` is a folder, or the file cannot be written.
     """
     path = Path(path)
-    if not path.parent.is_dir():
+    if not os.path.isdir(path.parent):
         raise error(f"{path} cannot be written: there is no folder {path.parent}; create it first")
-    if path.is_dir():
+    if os.path.isdir(path):
         raise error(f"{path} cannot be written: it is a folder; give the name of a file")
     temporary = beside(path)
     with undisturbed():
