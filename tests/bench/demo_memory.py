@@ -64,6 +64,7 @@ def main() -> None:
     if told.peaks:
         print(json.dumps(peaks(names, told.elements)))
         return
+    sys.stdout.reconfigure(line_buffering=True)  # type: ignore[union-attr]
     print("| figure | alone [MB] | peak so far, all in one process [MB] |\n|---|---|---|")
     alone = [in_process([name], told.elements)[-1] for name in names]
     together = in_process(names, told.elements)
