@@ -29,6 +29,7 @@ from usdslf.surfaces.reflectance import Parameters, column_weights
 
 ROUNDS = 8
 DONE = 0.02  # relative error of the strokes' means at which nothing is left to do
+MET = 0.05  # relative error of a stroke's mean colour at which it counts as met
 MEAN_ERROR = 0.03  # relative, of a stroke's mean colour
 FIT_ERROR = 0.06  # relative, of each dab
 TRUST = 0.1  # relative error at which a dab has half its weight

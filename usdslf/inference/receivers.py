@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -148,21 +148,9 @@ def receiver_tables(
     j = len(all_levels)
     spread = lambda x: np.repeat(x[:, None], j, 1)  # noqa: E731
     dabs = Bilinear(base[:, None] + found.p, spread(found.u), found.v, spread(found.w))
-    target = np.concatenate([r.target for r in receivers])
-    # who holds a place makes no error of brightness over the stroke: each dab stands for itself
-    number = np.concatenate([np.full(len(r.target), i) for i, r in enumerate(receivers)])
-    held = np.concatenate([np.full(len(r.target), r.is_held) for r in receivers])
-    mean = np.array([target[number == s].mean() for s in number])
-    stroke = np.where(held, len(receivers) + np.arange(len(number)), number)
-    one_color = np.concatenate([np.full(len(r.target), r.has_one_color) for r in receivers])
     all_means = np.concatenate([levels, [mean_rough]])
     tables = Tables(
-        target=target,
-        scale=relative_scale(target, mean[:, None]),
-        place=np.concatenate([r.place for r in receivers]),
-        stroke=stroke,
-        has_one_color=one_color,
-        swatch=np.where(one_color, number, -1),
+        **_asked(receivers),
         dabs=dabs,
         factor_u=spread(found.factor_u),
         factor_w=spread(found.factor_w),
@@ -170,7 +158,7 @@ def receiver_tables(
         background=Bilinear.empty(j),
         background_scale=np.zeros((0, 3)),
         elsewhere=Bilinear.empty(j),
-        dab_levels=np.broadcast_to(all_means, (len(target), j)),
+        dab_levels=np.broadcast_to(all_means, (len(base), j)),
         levels=all_means,
         diffuse=d.mean(0).astype(np.float64),
         f0=f0.mean(0).astype(np.float64),
@@ -187,6 +175,25 @@ def receiver_tables(
         factor_u=nothing, factor_w=nothing, factor_v=nothing, is_textured_f0=False, diffuse=np.zeros(3), is_metal=True,
     )  # fmt: skip
     return tables, as_metal
+
+
+def _asked(receivers: list[Receiver]) -> dict[str, Any]:
+    """What the dabs of all receivers ask for, by the names of Tables."""
+    target = np.concatenate([r.target for r in receivers])
+    # who holds a place makes no error of brightness over the stroke: each dab stands for itself
+    number = np.concatenate([np.full(len(r.target), i) for i, r in enumerate(receivers)])
+    held = np.concatenate([np.full(len(r.target), r.is_held) for r in receivers])
+    mean = np.array([target[number == s].mean() for s in number])
+    stroke = np.where(held, len(receivers) + np.arange(len(number)), number)
+    one_color = np.concatenate([np.full(len(r.target), r.has_one_color) for r in receivers])
+    return {
+        "target": target,
+        "scale": relative_scale(target, mean[:, None]),
+        "place": np.concatenate([r.place for r in receivers]),
+        "stroke": stroke,
+        "has_one_color": one_color,
+        "swatch": np.where(one_color, number, -1),
+    }
 
 
 @dataclass(frozen=True)
