@@ -62,6 +62,8 @@ def _run(arguments: list[str] | None, options: Settings) -> int:
         return _say(_usage_message(error), InputError.exit_code)
     except (KeyboardInterrupt, click.exceptions.Abort):
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # what is cleaned up now is not disturbed
+        if sys.stderr.isatty():
+            click.echo(err=True)  # behind the terminal's ^C
         return _say("interrupted", 130)
     except Exception as error:
         if options.debug:

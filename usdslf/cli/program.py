@@ -91,6 +91,13 @@ class Program(click.Group):
         super().__init__(*args, **kwargs)
         self.params.extend(_everywhere())
 
+    def invoke(self, ctx: click.Context) -> Any:
+        """Runs a sub-command; Ctrl-C in it raises Abort: for a KeyboardInterrupt click prints an empty line."""
+        try:
+            return super().invoke(ctx)
+        except KeyboardInterrupt:
+            raise click.Abort from None
+
 
 def gathered(name: str, record: type[Any]) -> Callable[[Callable[..., Any]], Callable[..., Any]]:
     """Hands parameters of a sub-command over as one record.
