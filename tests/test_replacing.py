@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from usdslf.color import USD_DEFAULT_SPACE, color_of
 from usdslf.errors import AuthorError, InputError
 from usdslf.outputs import write_json
 from usdslf.replacing import beside, replacing
@@ -49,7 +50,7 @@ def test_a_killed_run_leaves_the_earlier_file(tmp_path: Path) -> None:
     assert child.stdout and child.stdout.readline() == "written\n"
     child.kill()
     child.communicate()
-    assert (read_image(path, "raw")[..., :3] == 1).all()
+    assert (read_image(path, "raw", color_of(None, USD_DEFAULT_SPACE))[..., :3] == 1).all()
 
 
 def test_two_at_once_do_not_share_a_name(tmp_path: Path) -> None:

@@ -8,12 +8,12 @@ only `session` knows the order.
     read            usd.read        Usd.Stage, frame -> Scene
     elements        elements        Scene -> Elements: equal-area points with their reflectance
     visibility      visibility      Elements -> Visibility: which element each of 1024 directions sees
-    light           lights          Scene's lights -> light that falls on the elements, edits cannot change it
+    light           light_field     Scene's lights -> light that falls on the elements, edits cannot change it
     light field     light_field     Visibility, static light -> LightField: what the elements send out
     strokes         strokes         a path on the picture -> Stroke: points, colours, eye
-    tools           tools           Stroke, LightField -> the radiance that its tool asks for
-    evidence        evidence        Strokes, LightField -> normal equations of the painted samples
-    solve           solve           evidence -> Change: the fewest parameters that explain the strokes
+    tools           inference       Stroke, LightField -> the radiance that its tool asks for
+    evidence        inference       Strokes, LightField -> normal equations of the painted samples
+    solve           inference       evidence -> Change: the fewest parameters that explain the strokes
     edits           edits           Change -> before and after of each material input
     author          usd.author      edits -> look layer, review root
     render          render          Scene, LightField, Camera -> picture
