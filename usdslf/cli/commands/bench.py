@@ -10,7 +10,9 @@ from usdslf.cli.terminal import progress
 
 @click.command(cls=Command)
 @click.option("--json", "as_json", is_flag=True, help="JSON instead of a table.")
-@click.option("--elements", type=int, default=10000, show_default=True, help="Surface elements.")
+@click.option(
+    "--elements", type=click.IntRange(1, (1 << 22) - 1), default=10000, show_default=True, help="Surface elements."
+)
 @settings
 def bench(settings: Settings, as_json: bool, elements: int) -> None:
     """Time of each step beside the measured limits of this machine."""
