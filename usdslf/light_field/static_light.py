@@ -5,7 +5,7 @@ Emissive meshes are not here: they are the emission of their elements.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import partial
@@ -107,10 +107,7 @@ def static_light(
                 rows = slice(first, min(first + STEP, n))
                 add(slice(rows.start * D, rows.stop * D), read(rows), light)
 
-            for _ in pool.map(add_dome, range(0, n, STEP)):
-                tell()
-            done += 1
-            tell(done / len(used))
+            done = _add_all(pool.map(add_dome, range(0, n, STEP)), done, len(used))
         for source in drawn:
             shifts = random_shifts(n, rng)
 
@@ -119,11 +116,16 @@ def static_light(
                 at, value = _drawn_light(source, origins[rows], elements.frame[rows], shifts[rows], tracer)
                 add(at + first * D, value, source.light)
 
-            for _ in pool.map(add_drawn, range(0, n, BATCH)):
-                tell()
-            done += 1
-            tell(done / len(used))
+            done = _add_all(pool.map(add_drawn, range(0, n, BATCH)), done, len(used))
     return StaticLight(diffuse, specular)
+
+
+def _add_all(parts: Iterator[None], done: int, lights: int) -> int:
+    """Waits for all parts of one more light, and tells; returns how many of the lights are done."""
+    for _ in parts:
+        tell()
+    tell((done + 1) / lights)
+    return done + 1
 
 
 def _sources(lights: Sequence[Light | Dome]) -> tuple[list[tuple[Light, Dome]], list[_Source]]:

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from kit.lit_plane import FLOOR, LAMP, POWER, SIZE, places
+from kit.lit_plane import FLOOR, LAMP, POWER, SIZE, dabs, places
 from kit.oddity_stages import (
     GRID,
     add_floor,
@@ -237,6 +237,7 @@ def old_crate(path: Path) -> Path:
 @pytest.mark.parametrize("command", ["info", "render", "solve"])
 def test_a_crate_that_is_too_old_is_one_sentence(tmp_path: Path, run: Run, command: str) -> None:
     old = old_crate(tmp_path / "new.usdc")
+    usdslf.write_strokes(tmp_path / "strokes.usda", [dabs(places(), np.ones((16, 3)))], Usd.Stage.CreateInMemory())
     more = {"info": (), "render": ("-o", "p.exr"), "solve": (tmp_path / "strokes.usda", "-o", tmp_path / "look.usda")}
     code, out, err = run(command, old, *more[command])
     assert (code, out) == (2, "")

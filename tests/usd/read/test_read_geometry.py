@@ -460,7 +460,7 @@ def test_subsets_bind_materials_by_face():
     points = [(i % 3, i // 3, 0) for i in range(9)]
     mesh = add_mesh(s, "/m", points, [[0, 1, 4, 3], [1, 2, 5, 4], [3, 4, 7, 6], [4, 5, 8, 7]], "catmullClark")
     first = UsdGeom.Subset.CreateGeomSubset(mesh, "first", "face", [0, 1], "materialBind")
-    second = UsdGeom.Subset.CreateGeomSubset(mesh, "second", "face", [1, 2, 99], "")
+    second = UsdGeom.Subset.CreateGeomSubset(mesh, "second", "face", [2, 99], "")
     UsdGeom.Subset.CreateGeomSubset(mesh, "other", "face", [3], "")  # binds nothing
     material = UsdShade.Material.Define(s, "/mtl")
     UsdShade.MaterialBindingAPI.Apply(second.GetPrim()).Bind(material)
