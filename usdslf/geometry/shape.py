@@ -297,4 +297,5 @@ def _square(v: F64) -> F64:
 
 def _unit(v: F64) -> F64:
     length = np.sqrt(_square(v))[..., None]
-    return v / np.where(length > 0, length, 1)
+    with np.errstate(invalid="ignore"):  # of points that are not finite
+        return np.asarray(v / np.where(length > 0, length, 1))

@@ -259,7 +259,11 @@ def _write_stroke(scope: Sdf.PrimSpec, stroke: Stroke) -> None:
     extent = np.stack([(stroke.points - half).min(0), (stroke.points + half).max(0)])
 
     def put(name: str, kind: Sdf.ValueTypeName, value: Any, variability: Any = varying) -> Sdf.AttributeSpec:
-        spec_ = spec.attributes.get(name) or Sdf.AttributeSpec(spec, name, kind, variability)
+        spec_ = spec.attributes.get(name)
+        if spec_ and spec_.typeName != kind:  # a file that says otherwise
+            del spec.properties[name]
+            spec_ = None
+        spec_ = spec_ or Sdf.AttributeSpec(spec, name, kind, variability)
         spec_.default = value
         return spec_
 
