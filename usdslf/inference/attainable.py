@@ -10,8 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-import numpy as np
-
 from usdslf.inference.bilinear import Tables
 from usdslf.inference.candidate import Candidate
 from usdslf.inference.evidence import mean_by
@@ -54,8 +52,7 @@ def error_of(t: Tables, c: Candidate) -> float:
 
 def _error_of_swatches(t: Tables, c: Candidate) -> float:
     """Relative root mean square over the dabs, each of them as the mean of all that share its colour."""
-    alone = -1 - np.arange(len(t.swatch))
-    _, group = np.unique(np.where(t.swatch < 0, alone, t.swatch), return_inverse=True)
+    group = t.group
     radiance, target, scale = (mean_by(x, group)[group] for x in (c.radiance(t), t.target, t.scale))
     return relative_rms(radiance, target, scale)
 

@@ -99,6 +99,13 @@ class Tables:
         return len(self.levels) - 1
 
     @property
+    def group(self) -> NDArray[np.int64]:
+        """Which dabs (n,) count as one: those of a swatch, each other one alone; numbered from 0."""
+        alone = -1 - np.arange(len(self.swatch))
+        _, number = np.unique(np.where(self.swatch < 0, alone, self.swatch), return_inverse=True)
+        return number.reshape(-1)
+
+    @property
     def before(self) -> F64:
         """Radiance (n, 3) of the dabs with nothing changed."""
         return self.dabs.p[:, self.own]

@@ -1,6 +1,6 @@
 """Evidence: what light arrives where something was painted, and what each reflectance would make of it.
 
-A stroke is laid as dabs; each dab holds a dozen surface points over its footprint as the painter saw it.  At
+A stroke is laid as dabs; each dab holds SAMPLES surface points over its footprint as the painter saw it.  At
 every point rays are drawn from a mixture of a cosine and GGX lobes about the eye's mirror direction, and one
 set of rays serves all levels of roughness.  Hits take the light field, misses the dome at full resolution,
 lights are sampled with shadow rays, and all are joined by the balance heuristic.  The unpainted directions,

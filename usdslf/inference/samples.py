@@ -128,9 +128,8 @@ def gather_samples(
 
 def trace_samples(
     dab: NDArray, surface: SurfacePoints, seen_from: NDArray, tracer: RayTracer, field: LightField, lights: LightSet,
-    thin: int = 1,
 ) -> Samples:  # fmt: skip
-    """Traces the rays of samples, surface points of dabs (S,), each seen from an eye (S, 3); one ray of `thin`."""
+    """Traces the rays of samples, surface points of dabs (S,), each seen from an eye (S, 3)."""
     eye = seen_from - surface.position
     eye /= np.linalg.norm(eye, axis=1, keepdims=True)
     side = np.where(np.einsum("ij,ij->i", eye, surface.geometric_normal) < 0, -1, 1)
@@ -142,7 +141,7 @@ def trace_samples(
     e = (e / np.linalg.norm(e, axis=1, keepdims=True)).astype(np.float32)
     origin = tracer.offset_points(surface.position, geometric, surface.triangle)
     points = _Points(dab, surface, side, e, frames, origin)
-    return _trace(points, _Trace(tracer, field, lights, RAYS // thin, LIGHT_RAYS // thin))
+    return _trace(points, _Trace(tracer, field, lights, RAYS, LIGHT_RAYS))
 
 
 def _elsewhere(field: LightField, tracer: RayTracer, materials: NDArray, eye: NDArray) -> NDArray[np.int64]:

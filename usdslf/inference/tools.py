@@ -59,7 +59,6 @@ BLUR_POINTS = 36  # of a dab
 BLUR_EYES = 4  # directions of each point
 MOST_CONTRAST = 4.0  # that sharpen asks for
 SHAPE_ERROR = 0.12  # relative, of what blur and sharpen ask for
-THIN = 1  # one ray of so many for each of these
 
 
 @dataclass(frozen=True)
@@ -200,7 +199,7 @@ def _blurred(
     aside = (sigma * np.sqrt(u / (1 - u)))[:, None] * np.stack([np.cos(2 * np.pi * v), np.sin(2 * np.pi * v)], -1)
     turned = frame[:, 2] + np.einsum("nc,ncj->nj", aside, frame[:, :2])
     seen_from = surface.position + turned * distance / np.linalg.norm(turned, axis=1, keepdims=True)
-    samples = trace_samples(dab, surface, seen_from, tracer, field, lights, THIN)
+    samples = trace_samples(dab, surface, seen_from, tracer, field, lights)
     return mean_by(seen_radiance(samples, field), dab)
 
 

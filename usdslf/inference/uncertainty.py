@@ -125,9 +125,7 @@ def _covariance(t: Tables, o: Options, c: Candidate, j: F64) -> F64:
 
 def _means_of_swatches(t: Tables) -> F64:
     """Matrix (m, 3 n) that takes the mean of dabs that share a swatch, and leaves the others."""
-    alone = -1 - np.arange(len(t.swatch))
-    _, group = np.unique(np.where(t.swatch < 0, alone, t.swatch), return_inverse=True)
-    group = group.reshape(-1)
+    group = t.group
     one = (group[None] == np.arange(group.max() + 1)[:, None]).astype(float)
     out: F64 = np.kron(one / one.sum(1, keepdims=True), np.eye(3))
     return out
