@@ -88,7 +88,7 @@ def _run_one(folder: Path, first: int, last: int) -> tuple[list[dict[str, Any]],
     return ended, at
 
 
-@pytest.mark.timeout(1800)
+@pytest.mark.timeout(900)
 def test_every_case_ends_in_a_result_or_in_one_sentence(found: list[dict[str, Any]]) -> None:
     wrong = [f"{c['case']} {c['run']}: " + "\n  ".join(c["wrong"]) for c in found if c["wrong"]]
     assert not wrong, "\n".join(wrong)
