@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from reference.preview_surface_inputs import fresnel_at_normal, reflectance
@@ -159,6 +159,7 @@ def test_any_reachable_reflectance_is_said_within_one_percent(
 
 @settings(max_examples=15, deadline=None)
 @given(color, unit, st.floats(1, 3), color, unit)
+@example((0.0, 0.0, 0.0), 0.0, 1.0, (0.0, 0.0, 0.75), 0.99999)
 def test_the_metal_workflow_stays_where_it_can_say_the_change(
     c: Any, m: float, ior: float, c2: Any, m2: float
 ) -> None:

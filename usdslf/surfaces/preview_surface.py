@@ -134,6 +134,8 @@ def _metal_candidates(before: SurfaceInputs, d: F64, f0: F64, ior_is_free: bool)
     if ior_is_free:
         yield over_metallic(lambda m_: inputs(c, m_, ior(m_, c)))
         yield over_metallic(lambda m_: inputs(color(m_), m_, ior(m_, color(m_))))
+    # of what is nearly a metal only F0 tells the colour well: d / (1 - metallic) is two small numbers
+    yield over_metallic(lambda m_: inputs(from_f0(m_) if m_ > 0 else c, m_, before.ior))
 
 
 def _search(
