@@ -20,12 +20,18 @@ from reference.light_field import closed_box
 import usdslf
 from usdslf.errors import SolveError, StrokeError
 from usdslf.session import Session
+from usdslf.shot import Shot
 from usdslf.strokes.stroke import Stroke
 
 
 @pytest.fixture(scope="module")
-def session(tmp_path_factory: pytest.TempPathFactory) -> Session:
-    return usdslf.open(str(write_plane(tmp_path_factory.mktemp("plane"))), elements=150)
+def opened(tmp_path_factory: pytest.TempPathFactory) -> Shot:
+    return usdslf.open(str(write_plane(tmp_path_factory.mktemp("plane"))), elements=150).shot
+
+
+@pytest.fixture
+def session(opened: Shot) -> Session:
+    return Session(opened)
 
 
 def painted(after: dict) -> Stroke:
@@ -149,7 +155,6 @@ def test_what_no_material_explains_changes_nothing_and_is_said(session: Session)
 
 
 def test_without_a_stroke_there_is_nothing_to_solve(session: Session) -> None:
-    session.strokes = []
     with pytest.raises(SolveError):
         session.solve()
     session.add_stroke(replace(painted(FLOOR), active=False))
@@ -166,7 +171,7 @@ def test_without_a_stroke_there_is_nothing_to_solve(session: Session) -> None:
 
 
 @pytest.fixture(scope="module")
-def room(tmp_path_factory: pytest.TempPathFactory) -> Session:
+def opened_room(tmp_path_factory: pytest.TempPathFactory) -> Shot:
     """A closed box of one glowing grey material, by the phong model: E / (1 - rho) everywhere."""
     b = StageBuilder(tmp_path_factory.mktemp("room"))
     grey = b.material(
@@ -174,7 +179,12 @@ def room(tmp_path_factory: pytest.TempPathFactory) -> Session:
     )
     b.cube("room", (2.0, 2.0, 2.0), grey, (0, 0, 0))
     b.camera((0.1, 0.8, 0.6), (0, 0, 0))
-    return usdslf.open(str(b.save()), elements=300, bounces=30, model="phong")
+    return usdslf.open(str(b.save()), elements=300, bounces=30, model="phong").shot
+
+
+@pytest.fixture
+def room(opened_room: Shot) -> Session:
+    return Session(opened_room)
 
 
 @pytest.mark.parametrize("wanted", [0.05, 0.3, 0.5, 0.7])

@@ -14,6 +14,7 @@ from reference import light_field as ref
 import usdslf
 from usdslf.light_field.light_field import LightField
 from usdslf.session import Session
+from usdslf.shot import Shot
 from usdslf.strokes.anchors import locate_stroke
 from usdslf.strokes.paint import paint_stroke
 from usdslf.strokes.stroke import Stroke
@@ -25,13 +26,23 @@ def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def first(path: Path) -> Session:
-    return usdslf.open(str(path), frame=FRAMES[0], elements=700)
+def opened_first(path: Path) -> Shot:
+    return usdslf.open(str(path), frame=FRAMES[0], elements=700).shot
+
+
+@pytest.fixture
+def first(opened_first: Shot) -> Session:
+    return Session(opened_first)
 
 
 @pytest.fixture(scope="module")
-def second(first: Session) -> Session:
-    return first.at_frame(FRAMES[1])
+def opened_second(opened_first: Shot) -> Shot:
+    return opened_first.at_frame(FRAMES[1])
+
+
+@pytest.fixture
+def second(opened_second: Shot) -> Session:
+    return Session(opened_second)
 
 
 def seen_from_above(session: Session, places: np.ndarray, height: float) -> np.ndarray:

@@ -18,6 +18,7 @@ from usdslf.light_field.links import BLOCKED
 from usdslf.light_field.visibility import Visibility, trace_visibility
 from usdslf.scene.difference import Moved, Space, find_moved, why_not_comparable
 from usdslf.session import Session
+from usdslf.shot import Shot
 
 NOWHERE = Space(np.zeros((0, 3)), np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3)))
 
@@ -28,13 +29,23 @@ def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def first(path: Path) -> Session:
-    return usdslf.open(str(path), frame=FRAMES[0], elements=700)
+def opened_first(path: Path) -> Shot:
+    return usdslf.open(str(path), frame=FRAMES[0], elements=700).shot
+
+
+@pytest.fixture
+def first(opened_first: Shot) -> Session:
+    return Session(opened_first)
 
 
 @pytest.fixture(scope="module")
-def second(first: Session) -> Session:
-    return first.at_frame(FRAMES[1])
+def opened_second(opened_first: Shot) -> Shot:
+    return opened_first.at_frame(FRAMES[1])
+
+
+@pytest.fixture
+def second(opened_second: Shot) -> Session:
+    return Session(opened_second)
 
 
 def whole(session: Session) -> Visibility:

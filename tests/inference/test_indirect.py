@@ -16,14 +16,21 @@ import usdslf
 from usdslf.errors import SolveError
 from usdslf.inference.direct import gather_strokes
 from usdslf.inference.receivers import make_receiver, present_radiance, receiver_tables
+from usdslf.session import Session
+from usdslf.shot import Shot
 
 TRUTH = json.loads((Path(__file__).parents[1] / "truth/recovery/indirect_truth.json").read_text())
 
 
 @pytest.fixture(scope="module")
-def session(tmp_path_factory: pytest.TempPathFactory) -> Any:
+def opened(tmp_path_factory: pytest.TempPathFactory) -> Shot:
     case = next(c for c in CASES if c.name == TRUTH["case"])
-    return usdslf.open(str(build_stage(case, tmp_path_factory.mktemp("room"))), elements=2500)
+    return usdslf.open(str(build_stage(case, tmp_path_factory.mktemp("room"))), elements=2500).shot
+
+
+@pytest.fixture
+def session(opened: Shot) -> Session:
+    return Session(opened)
 
 
 def _paint(session: Any, colors: list[list[float]], **more: Any) -> usdslf.Stroke:

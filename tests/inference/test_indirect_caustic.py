@@ -17,6 +17,8 @@ from truth.recovery.indirect_stages import DULL, GOLDEN, RING, SILVER, build_cau
 import usdslf
 from usdslf.inference.direct import gather_strokes
 from usdslf.inference.receivers import present_radiance
+from usdslf.session import Session
+from usdslf.shot import Shot
 from usdslf.strokes.stroke import Stroke
 
 ELEMENTS = 2500
@@ -31,8 +33,13 @@ def solve(session: Any, *strokes: Stroke, **options: Any) -> dict[str, Any]:
 
 
 @pytest.fixture(scope="module")
-def session(tmp_path_factory: pytest.TempPathFactory) -> Any:
-    return usdslf.open(str(build_caustic(tmp_path_factory.mktemp("ring"), DULL)), elements=ELEMENTS)
+def opened(tmp_path_factory: pytest.TempPathFactory) -> Shot:
+    return usdslf.open(str(build_caustic(tmp_path_factory.mktemp("ring"), DULL)), elements=ELEMENTS).shot
+
+
+@pytest.fixture
+def session(opened: Shot) -> Session:
+    return Session(opened)
 
 
 @pytest.mark.parametrize(("name", "ring"), [("dull", DULL), ("golden", GOLDEN)])

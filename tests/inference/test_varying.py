@@ -13,12 +13,18 @@ from pxr import Usd
 import usdslf
 from usdslf.geometry.uv_layout import lies_flat
 from usdslf.session import Session
+from usdslf.shot import Shot
 from usdslf.strokes.stroke import Stroke
 
 
 @pytest.fixture(scope="module")
-def session(tmp_path_factory: pytest.TempPathFactory) -> Session:
-    return usdslf.open(str(write_floor(tmp_path_factory.mktemp("floor"))), elements=400)
+def opened(tmp_path_factory: pytest.TempPathFactory) -> Shot:
+    return usdslf.open(str(write_floor(tmp_path_factory.mktemp("floor"))), elements=400).shot
+
+
+@pytest.fixture
+def session(opened: Shot) -> Session:
+    return Session(opened)
 
 
 def solve(session: Session, painted: Stroke) -> dict:

@@ -14,6 +14,7 @@ from kit.stage_parts import ball as stage_ball
 from kit.varying_floor import GREY, add_lamp, places, seen, surface_at
 from kit.varying_floor import stroke as dabs
 
+import usdslf
 from usdslf.errors import StrokeError
 from usdslf.light_field.light_field import LightField
 from usdslf.procedural.shapes import ball, panel
@@ -34,7 +35,7 @@ ONLY_POSITION, ONLY_REFLECTANCE = Weights(1, 0, 0), Weights(0, 0, 1)
 
 
 @pytest.fixture(scope="module")
-def session(tmp_path_factory: pytest.TempPathFactory) -> Session:
+def opened(tmp_path_factory: pytest.TempPathFactory) -> usdslf.Shot:
     """Three balls, two of them nearly alike, on a floor."""
     parts = (
         Part("floor", panel((-2, 0, 1), (4, 0, 0), (0, 0, -2)), "floor"),
@@ -43,7 +44,12 @@ def session(tmp_path_factory: pytest.TempPathFactory) -> Session:
     lamps = (Lamp("lamp", "rect", (9.0, 9.0, 9.0), (0.3, 2.0, 1.5), (0, 0.2, 0), (1.0, 1.0)),)
     materials = {m: {"diffuseColor": c, "roughness": 0.6} for m, c in COLORS.items()}
     shot = Shot("balls", materials, parts, lamps, (View("camera", (0, 0.5, 2.6), (0, 0.25, 0)),))
-    return Session(str(write_stage(shot, tmp_path_factory.mktemp("balls"))), elements=700)
+    return Session(str(write_stage(shot, tmp_path_factory.mktemp("balls"))), elements=700).shot
+
+
+@pytest.fixture
+def session(opened: usdslf.Shot) -> Session:
+    return Session(opened)
 
 
 def dab(session: Session, name: str = "stroke_0001", **other: object) -> Stroke:
@@ -187,9 +193,7 @@ def test_what_is_like_two_painted_materials_changes_once(tmp_path: Path) -> None
     add_lamp(b)
     session = Session(str(b.save()), elements=300)
     second = places() + np.array([0, 0, 2.2])
-    other = replace(
-        dabs(seen(second, (0.1, 0.2, 0.6))), name="stroke_0002", points=np.repeat(np.float32(second), 2, 0)
-    )
+    other = replace(dabs(seen(second, (0.1, 0.2, 0.6))), name="stroke_0002", points=np.repeat(np.float32(second), 2, 0))
     for s in (dabs(seen(places(), (0.6, 0.2, 0.1))), other):
         session.add_stroke(replace(s, scope="similar"))
     session.solve()
@@ -200,9 +204,7 @@ def test_what_is_like_two_painted_materials_changes_once(tmp_path: Path) -> None
     assert len({(e.prim, e.attribute) for e in edits}) == len(edits) == 3
 
 
-def test_the_light_field_sees_the_change_of_what_is_alike(
-    session: Session, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_light_field_sees_the_change_of_what_is_alike(session: Session, monkeypatch: pytest.MonkeyPatch) -> None:
     seen = []
     set_surface = LightField.set_surface
     monkeypatch.setattr(LightField, "set_surface", lambda f, s: (seen.append(s.diffuse), set_surface(f, s))[1])
@@ -265,4 +267,3 @@ def test_a_material_that_is_similar_in_part_changes_there(tmp_path: Path) -> Non
     also = {a["material"]: a for a in session.report()["strokes"][0]["also"]}
     moved = np.subtract(also["/World/mtl/panel"]["after"]["diffuse"], also["/World/mtl/panel"]["before"]["diffuse"])
     np.testing.assert_allclose(moved, delta[0] / 2, atol=0.03)  # half of its area
-

@@ -24,6 +24,7 @@ from reference.pathtracer import Tracer, camera_rays
 
 import usdslf
 from usdslf.session import Session
+from usdslf.shot import Shot
 
 CAMERA, SIZE, SPP = "/World/camera", (128, 72), 256
 F = Sdf.ValueTypeNames
@@ -88,8 +89,13 @@ def shot(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def session(shot: Path) -> Session:
-    return usdslf.open(str(shot), elements=1500)
+def opened(shot: Path) -> Shot:
+    return usdslf.open(str(shot), elements=1500).shot
+
+
+@pytest.fixture
+def session(opened: Shot) -> Session:
+    return Session(opened)
 
 
 @pytest.fixture(scope="module")
@@ -105,7 +111,6 @@ def test_a_solved_look_shows_the_painted_change(
     truth = traced(with_the_change(shot, name))[0]
     centre = 0.5 + x / 4.0 / (2 * np.tan(np.radians(17)) * SIZE[0] / SIZE[1]) * 0.97
     paths = [[[centre - 0.06, v], [centre + 0.06, v]] for v in (0.32, 0.42, 0.52, 0.62)]
-    session.strokes = []
     session.add_stroke(
         usdslf.paint_stroke(session.scene, session.tracer, session.camera(CAMERA), paths, 0.02, image=truth)
     )
