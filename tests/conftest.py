@@ -19,6 +19,8 @@ import usdslf  # noqa: F401  (announces the stroke schema before a test opens a 
 if TYPE_CHECKING:
     from usdslf.gpu.device import Device
 
+os.environ.setdefault("USDSLF_CACHE", "weights")  # each test computes what it asks for; commands that it starts too
+
 ASSETS = Path(__file__).resolve().parents[2] / "shared/assets"
 INPUTS = ASSETS.parent / "inputs"  # small stages that once failed
 _left_out = pytest.StashKey[int]()

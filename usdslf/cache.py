@@ -22,7 +22,7 @@ import tempfile
 import time
 import zipfile
 import zlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -31,7 +31,10 @@ import numpy as np
 from numpy.typing import NDArray
 from platformdirs import user_cache_dir
 
-LIMIT = 1 << 30  # bytes of all entries; the weights of both models are 0.03 of it
+from usdslf.errors import InputError
+
+LIMIT = 4 << 30  # bytes of all entries; a shot of 10000 elements is 0.07 of it, the weights of both models 0.01
+SWITCH = "USDSLF_CACHE"  # environment variable: all (default) | weights: nothing of shots | off
 TRIMMED = 0.9  # of the limit is left when something had to go
 ABANDONED = 3600.0  # seconds after which a file that was never renamed is nobody's any more
 SUFFIX = ".npz"
@@ -64,14 +67,45 @@ def cache_folder() -> Path:
     return Path(user_cache_dir("usdslf", appauthor=False))
 
 
-def arrays(name: str, compute: Callable[[], Arrays]) -> dict[str, NDArray]:
+def arrays(name: str, compute: Callable[[], Arrays], of_shot: bool = False) -> dict[str, NDArray]:
     """Returns the arrays of an entry of the user's cache, computed where it has none.
 
     Args:
         name: of `address`.
         compute: gives the arrays by name, without object arrays.
+        of_shot: it serves one shot, and is large.
     """
+    if not keeps(of_shot):
+        return dict(compute())
     return Cache(cache_folder()).arrays(name, compute)
+
+
+def keeps(of_shot: bool) -> bool:
+    """Tells whether anything is kept between runs (`USDSLF_CACHE`).
+
+    Args:
+        of_shot: what serves one shot.
+
+    Raises: InputError for a value that there is not.
+    """
+    switch = os.environ.get(SWITCH) or "all"
+    if switch not in ("all", "weights", "off"):
+        raise InputError(f"{SWITCH}={switch} is not known; set all, weights or off")
+    return switch == "all" or (switch == "weights" and not of_shot)
+
+
+@contextlib.contextmanager
+def switched(switch: str) -> Iterator[None]:
+    """Sets what is kept, all | weights | off, for this process meanwhile."""
+    before = os.environ.get(SWITCH)
+    os.environ[SWITCH] = switch
+    try:
+        yield
+    finally:
+        if before is None:
+            os.environ.pop(SWITCH, None)
+        else:
+            os.environ[SWITCH] = before
 
 
 @dataclass(frozen=True)
@@ -128,9 +162,11 @@ class Cache:
                 temporary = Path(out.name)
                 np.savez(out, **dict[str, Any](found))
             os.replace(temporary, file)
+            temporary = None
             self._trim()
         except OSError as error:
             _log.debug("%s is not kept: %s", file, error)
+        finally:  # also where it was interrupted
             if temporary is not None:
                 temporary.unlink(missing_ok=True)
 

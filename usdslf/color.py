@@ -63,6 +63,11 @@ class Color:
         self.view_name: str = self._config.getDefaultView(self.display_name)
         self._processors: dict[tuple[str, str], ocio.CPUProcessor | None] = {}
 
+    @property
+    def cache_id(self) -> str:
+        """Names all that the conversions into the working space depend on, files of look-up tables too."""
+        return f"{self._config.getCacheID()} {self._built_in.getCacheID()} {self.working_space}"
+
     # ---- names -----------------------------------------------------------------------------
     def knows(self, space: str) -> bool:
         """Whether `space` names a colour space, a role or data."""

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from usdslf.animation.frames import Placed, carry
 from usdslf.animation.revealed import DarkProbes, probe_dark
+from usdslf.cache import keeps
 from usdslf.elements.elements import Elements, refresh_reflectance, sample_elements
 from usdslf.elements.lookup import ElementLookup
 from usdslf.errors import InputError, StageError
@@ -34,6 +35,7 @@ from usdslf.rays import RayTracer
 from usdslf.render.overview_camera import overview_camera
 from usdslf.scene.difference import Afresh, is_same_but_for_reflectance, why_not_comparable
 from usdslf.scene.records import Camera, Light, Scene
+from usdslf.shot_cache import ShotCache
 from usdslf.surfaces.reflectance import model_of
 from usdslf.usd.border import quiet_usd
 from usdslf.usd.edited import open_edited
@@ -195,6 +197,13 @@ class Shot:
             return LightSet(scene, lights)
 
     @_Lazy
+    def kept(self) -> ShotCache | None:
+        """What is kept of it between runs; None where nothing is, or where it goes on from another frame."""
+        if self.laid is not None or self.start or not keeps(True):
+            return None
+        return ShotCache(self.scene, self.lights, self.device, self.element_count)
+
+    @_Lazy
     def elements(self) -> Elements:
         """Points on all surfaces.
 
@@ -202,22 +211,26 @@ class Shot:
         """
         scene, tracer = self.scene, self.tracer
         require_memory(self.device, self.element_count)
+        compute = lambda: sample_elements(scene, tracer, self.element_count, np.random.default_rng(0))  # noqa: E731
         with step("elements", self.seconds):
-            return sample_elements(scene, tracer, self.element_count, np.random.default_rng(0))
+            return self.kept.elements(compute) if self.kept else compute()
 
     @_Lazy
     def lookup(self) -> ElementLookup:
         """Near elements of any point."""
         elements = self.elements
         with step("elements", self.seconds):
+            if self.kept:
+                return self.kept.lookup(elements, self.tracer)
             return ElementLookup(self.scene, self.tracer, elements)
 
     @_Lazy
     def visibility(self) -> Visibility:
         """What each element sees in each direction."""
-        lookup, device = self.lookup, self.device
+        lookup, device, elements = self.lookup, self.device, self.elements
+        compute = lambda: trace_visibility(elements, lookup, self.tracer, device)  # noqa: E731
         with step("visibility", self.seconds):
-            return trace_visibility(self.elements, lookup, self.tracer, device)
+            return self.kept.visibility(elements, compute) if self.kept else compute()
 
     @_Lazy
     def dark_probes(self) -> DarkProbes:
@@ -229,9 +242,10 @@ class Shot:
     @_Lazy
     def fixed_light(self) -> NDArray[np.float32]:
         """Light (N, D, 3) that no edit changes."""
-        visibility, lights = self.visibility, self.lights
+        visibility, lights, elements = self.visibility, self.lights, self.elements
+        compute = lambda: static_light(elements, self.tracer, lights, visibility).diffuse  # noqa: E731
         with step("light", self.seconds):
-            return static_light(self.elements, self.tracer, lights, visibility).diffuse
+            return self.kept.fixed_light(elements, compute) if self.kept else compute()
 
     @_Lazy
     def light_field(self) -> LightField:
@@ -241,7 +255,12 @@ class Shot:
             found = LightField(self.device, self.elements, self.lookup, visibility, fixed, normals, self.model)
             if self.start:
                 found.start_from(self.start[0])
-            converge(found, self.bounces)
+            if self.kept:
+                found.set_radiance(
+                    self.kept.radiance(self.elements, self.model, self.bounces, lambda: _converged(found, self.bounces))
+                )
+            else:
+                converge(found, self.bounces)
             found.rest()
         self.start.clear()
         return found
@@ -325,6 +344,11 @@ class Shot:
     def _take(self, **values: Any) -> None:
         """Takes values of another state, before anybody else knows this one."""
         vars(self).update(values)
+
+
+def _converged(field: LightField, bounces: int) -> NDArray[np.float32]:
+    converge(field, bounces)
+    return field.device.download(field.outgoing_d)
 
 
 def converge(field: LightField, bounces: int) -> None:

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from usdslf.animation.frames import Placed, carry
+from usdslf.cache import switched
 from usdslf.gallery import still_life
 from usdslf.gallery.play import Play
 from usdslf.gpu.device import Device
@@ -47,7 +48,7 @@ def measure(device: str | None, ocio: str | None, elements: int, say: Say) -> di
     Returns: device, elements, directions, rows (as DESIGN's bench table), total_seconds from an empty
     session to the look layer, memory_bytes (peak of this process).
     """
-    with tempfile.TemporaryDirectory(prefix="usdslf_bench_") as name:
+    with switched("weights"), tempfile.TemporaryDirectory(prefix="usdslf_bench_") as name:
         folder = Path(name)
         play = Play(still_life.ENTRY, folder, device=device, ocio=ocio, say=say, elements=elements)
         began = time.perf_counter()

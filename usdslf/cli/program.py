@@ -18,6 +18,7 @@ class Settings:
     device: str | None = None
     ocio: str | None = None
     quiet: bool = False
+    no_cache: bool = False
     debug: bool = False
 
 
@@ -39,6 +40,8 @@ def _everywhere() -> list[click.Option]:
                      help="OpenColorIO config; default $OCIO, else ocio://default."),
         click.Option(["--quiet"], is_flag=True, expose_value=False, callback=_keep,
                      help="No progress and no talk on stderr but errors."),
+        click.Option(["--no-cache"], is_flag=True, expose_value=False, callback=_keep,
+                     help="Read and keep nothing between runs (see cache)."),
         click.Option(["--debug"], is_flag=True, expose_value=False, callback=_keep,
                      help="A traceback with an error."),
     ]  # fmt: skip
@@ -64,6 +67,15 @@ class Command(click.Command):
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
         self.params.extend(_everywhere())
+
+    def invoke(self, ctx: click.Context) -> Any:
+        """Runs the sub-command, without the cache where that was asked for."""
+        if not ctx.find_root().ensure_object(Settings).no_cache:
+            return super().invoke(ctx)
+        from usdslf.cache import switched
+
+        with switched("off"):
+            return super().invoke(ctx)
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """Repeats an option of several values before each of them."""

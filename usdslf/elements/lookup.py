@@ -8,6 +8,7 @@ A point then compares its distance to those few.  kernels/lookup.cl holds the de
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -37,6 +38,10 @@ if TYPE_CHECKING:
 BLEND = 4  # of them are blended at a point
 CELLS_PER_SPACING = 1.5
 SMALL = 3  # divisions of triangles that share entries with others
+_TABLES = (
+    *("divisions", "_slack", "entry_of_cell", "elements_of_entry"),
+    *("_cell_of_entry", "_reach_of_entry", "_middle_of_entry"),
+)
 SAME_SPACING = 0.05  # share by which that of a part may change before its cells are done again
 
 
@@ -64,6 +69,22 @@ class ElementLookup:
         self.divisions, self._slack = divide_triangles(table.positions, table.areas, self._cell_size)
         self._make_room(np.ones(len(table.areas), bool))
         self._fill(tracer, [])
+
+    @property
+    def tables(self) -> dict[str, NDArray]:
+        """All that `of_tables` makes the same lookup of."""
+        return {name: np.asarray(getattr(self, name)) for name in _TABLES}
+
+    @staticmethod
+    def of_tables(scene: Scene, elements: Elements, tables: Mapping[str, NDArray]) -> ElementLookup:
+        """Returns the lookup of which `tables` were taken, for equal elements of an equal scene."""
+        found = ElementLookup.__new__(ElementLookup)
+        found._measure(scene, elements)
+        found.divisions, found._slack = tables["divisions"], float(tables["_slack"])
+        found._make_room(np.ones(len(found.divisions), bool))
+        for name in _TABLES[2:]:
+            setattr(found, name, tables[name])
+        return found
 
     def after(self, scene: Scene, tracer: RayTracer, elements: Elements, moved: Moved) -> ElementLookup:
         """Returns the tables of the same elements, and new ones behind them, after something moved.

@@ -62,6 +62,11 @@ class Device:
         """Device and platform in words."""
         return f"{self._info.name.strip()} ({self._info.platform.name.strip()})"
 
+    @property
+    def driver(self) -> str:
+        """Version of what compiles kernels for the device."""
+        return f"{self._info.driver_version} {self._info.platform.version}"
+
     def require(self, size: int, what: str, largest: int = 0) -> None:
         """Raises MemoryError_ where `size` bytes in all, or one array of `largest`, do not fit the device."""
         if size > self.memory or max(largest, 0) > self.largest_array:

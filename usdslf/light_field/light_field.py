@@ -142,6 +142,10 @@ class LightField:
             other.set_surface(surface)
         return other
 
+    def set_radiance(self, radiance: NDArray) -> None:
+        """Takes an outgoing radiance (N, D, 3) that was found before, where it is another than that of now."""
+        self.outgoing_d = self.device.upload(np.ascontiguousarray(radiance, np.float32))
+
     def rest(self) -> None:
         """Gives memory back that only bounces need."""
         self._scratch_d = None

@@ -1,0 +1,182 @@
+"""What is kept of a shot: byte for byte what is computed, found by what the shot holds and by nothing else."""
+
+from __future__ import annotations
+
+import logging
+import os
+from collections.abc import Callable
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from kit.stage_parts import StageBuilder, TextureInput, write_image
+
+import usdslf
+from usdslf import cache, shot
+from usdslf.elements.lookup import ElementLookup
+from usdslf.light_field.light_field import LightField
+from usdslf.scene.fingerprint import digest
+
+ALL = ["elements", "lookup", "visibility", "light", "field"]
+
+
+@pytest.fixture(autouse=True)
+def used(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """An empty cache folder of the user, which is used."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    monkeypatch.setenv(cache.SWITCH, "all")
+
+
+@pytest.fixture
+def computed(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Names what is computed, when it is."""
+    found: list[str] = []
+
+    def noted(name: str, function: Callable[..., Any]) -> Callable[..., Any]:
+        def call(*args: Any, **options: Any) -> Any:
+            found.append(name)
+            return function(*args, **options)
+
+        return call
+
+    homes = ((shot, "sample_elements"), (ElementLookup, "_fill"), (shot, "trace_visibility"), (shot, "static_light"))
+    for name, (home, function) in zip(ALL, (*homes, (LightField, "converge")), strict=True):
+        monkeypatch.setattr(home, function, noted(name, getattr(home, function)))
+    return found
+
+
+def write_stage(folder: Path, grey: float = 0.5, turn: float = 0.0, lamp: float = 3.0, dark: float = 0.1) -> Path:
+    folder.mkdir(parents=True, exist_ok=True)
+    b = StageBuilder(folder)
+    write_image(folder / "floor.png", np.full((4, 4, 3), dark, np.float32))
+    b.cube("cube", (1, 1, 1), b.material("m", diffuseColor=(grey,) * 3, roughness=0.4), (0, 0.5, 0), turn)
+    b.plane("floor", 4, 4, b.material("floor", diffuseColor=TextureInput("floor.png")))
+    b.rect_light("lamp", (0.5, 3, 0), (0, 0, 0), 1, 1, (lamp,) * 3)
+    return b.save()
+
+
+def parts_of(path: Path) -> dict[str, np.ndarray]:
+    """All that a start computes, of a shot that is opened afresh."""
+    s = usdslf.open(str(path), elements=50).shot
+    return {
+        **{f.name: getattr(s.elements, f.name) for f in fields(s.elements)}, **s.lookup.tables,
+        "hit": s.visibility.hit, "light": s.fixed_light, "radiance": s.device.download(s.light_field.outgoing_d),
+    }  # fmt: skip
+
+
+def test_a_second_start_computes_nothing_and_has_the_same_bytes(tmp_path: Path, computed: list[str]) -> None:
+    path = write_stage(tmp_path / "a")
+    with cache.switched("off"):
+        plain = parts_of(path)
+    assert computed == ALL
+    computed.clear()
+    cold, warm = parts_of(path), parts_of(path)
+    assert computed == ALL
+    for name, value in plain.items():
+        assert value.dtype == cold[name].dtype == warm[name].dtype
+        np.testing.assert_array_equal(cold[name], value)
+        np.testing.assert_array_equal(warm[name], value)
+    computed.clear()
+    with cache.switched("weights"):
+        parts_of(path)
+    assert computed == ALL
+
+
+def test_a_copy_elsewhere_is_the_same_shot(tmp_path: Path, computed: list[str]) -> None:
+    parts_of(write_stage(tmp_path / "a"))
+    computed.clear()
+    parts_of(write_stage(tmp_path / "elsewhere" / "b"))
+    assert computed == []
+
+
+@pytest.mark.parametrize(
+    ("change", "again"),
+    [
+        ({"turn": 10.0}, ALL),
+        ({"lamp": 4.0}, ["elements", "light", "field"]),
+        ({"grey": 0.6}, ["elements", "light", "field"]),
+        ({"dark": 0.2}, ["elements", "light", "field"]),
+    ],
+)
+def test_what_a_change_concerns_is_computed_again(
+    change: dict[str, float], again: list[str], tmp_path: Path, computed: list[str]
+) -> None:
+    """A picture that changes under its name and time too; rays go the same way whatever the light is."""
+    path = write_stage(tmp_path / "a")
+    before = parts_of(path)
+    times = {file: file.stat() for file in path.parent.iterdir()}
+    write_stage(tmp_path / "b", **change)
+    for file, stat in times.items():
+        os.replace(tmp_path / "b" / file.name, file)
+        if file.suffix == ".png":  # USD itself goes by the times of layers
+            os.utime(file, ns=(stat.st_atime_ns, stat.st_mtime_ns + 1))
+    computed.clear()
+    after = parts_of(path)
+    assert computed == again
+    assert not np.array_equal(after["radiance"], before["radiance"])
+    with cache.switched("off"):
+        plain = parts_of(path)
+    for name, value in plain.items():
+        np.testing.assert_array_equal(after[name], value)
+
+
+def test_a_damaged_entry_is_computed_again_and_said(
+    tmp_path: Path, computed: list[str], caplog: pytest.LogCaptureFixture
+) -> None:
+    path = write_stage(tmp_path / "a")
+    before = parts_of(path)
+    (file,) = cache.cache_folder().glob("visibility-*")
+    file.write_bytes(file.read_bytes()[:-100])
+    computed.clear()
+    with caplog.at_level(logging.WARNING):
+        after = parts_of(path)
+    assert computed == ["visibility"]
+    assert [r.message for r in caplog.records if "is damaged" in r.message]
+    np.testing.assert_array_equal(after["hit"], before["hit"])
+
+
+def test_a_look_does_not_take_what_is_kept_of_the_shot(tmp_path: Path) -> None:
+    path = write_stage(tmp_path / "a")
+    parts_of(path)
+    look = tmp_path / "look.usda"
+    look.write_text(
+        '#usda 1.0\nover "World"\n{\nover "mtl"\n{\nover "m"\n{\nover "surface"\n{\n'
+        "color3f inputs:diffuseColor = (0.9, 0.1, 0.1)\n}\n}\n}\n}\n"
+    )
+    found = []
+    for switch in ("all", "all", "off"):
+        with cache.switched(switch):
+            edited = usdslf.open(str(path), elements=50).edited(look).shot
+            found.append(edited.device.download(edited.light_field.outgoing_d))
+    np.testing.assert_array_equal(found[0], found[2])
+    np.testing.assert_array_equal(found[1], found[2])
+
+
+def test_no_cache_reads_and_keeps_nothing(tmp_path: Path, run: Callable[..., tuple[int, str, str]]) -> None:
+    path = write_stage(tmp_path / "a")
+    command = ("render", path, "-o", tmp_path / "p.exr", "--size", "16x9", "--elements", "60", "--samples", "1")
+    assert run(*command, "--no-cache")[0] == 0
+    assert not list(cache.cache_folder().glob("*"))
+    assert run(*command)[0] == 0
+    assert {f.name.split("-")[0] for f in cache.cache_folder().glob("*")} >= set(ALL)
+
+
+def test_an_unknown_switch_is_a_sentence(
+    tmp_path: Path, run: Callable[..., tuple[int, str, str]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(cache.SWITCH, "maybe")
+    code, _, said = run("render", write_stage(tmp_path / "a"), "-o", tmp_path / "p.exr", "--size", "16x9")
+    assert code == 2 and "USDSLF_CACHE=maybe is not known; set all, weights or off" in said
+
+
+def test_values_that_differ_have_other_names() -> None:
+    values = [
+        [1, 2], [12], ["1", 2], [[1], 2], [1.0, 2], None, [None], {"a": 1}, {"b": 1}, {"a": [1]}, True, b"x", "x",
+        np.zeros(2, np.float32), np.zeros(2), np.zeros((2, 1)), np.zeros((1, 2)), np.zeros(0), np.zeros((0, 3)),
+    ]  # fmt: skip
+    names = [digest(v, str.encode) for v in values]
+    assert len(set(names)) == len(names)
+    with pytest.raises(TypeError, match="object has no fingerprint"):
+        digest(object(), str.encode)
