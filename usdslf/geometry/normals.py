@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import sparse
 
 from usdslf.geometry.subdivision import Net
 from usdslf.scene.records import F64
@@ -56,10 +55,20 @@ def _groups(net: Net) -> I64:
     joined &= at_parted[net.indices[corner]]
     # Corner and twin run along one edge in opposite directions.
     a, b = number[corner[joined]], number[links.next[twin[joined]]]
-    graph = sparse.csr_array((np.ones(len(a), np.int8), (a, b)), (len(torn), len(torn)))
     out = net.indices.copy()
-    out[torn] = net.vertex_count + sparse.csgraph.connected_components(graph, directed=False)[1]
+    out[torn] = net.vertex_count + _components(a, b, len(torn))
     return out
+
+
+def _components(a: I64, b: I64, count: int) -> I64:
+    """Numbers (count,) the sets of things that pairs (n,), (n,) of them join."""
+    if not len(a):
+        return np.arange(count)
+    from scipy import sparse  # late: its import would be a third of the start of `usdslf info`
+
+    graph = sparse.csr_array((np.ones(len(a), np.int8), (a, b)), (count, count))
+    found: I64 = sparse.csgraph.connected_components(graph, directed=False)[1]
+    return found
 
 
 def _twins(net: Net) -> tuple[I64, I64]:

@@ -17,7 +17,6 @@ from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import sparse
 
 from usdslf.scene.records import F64
 
@@ -155,20 +154,20 @@ def vertex_stencil(net: Net, scheme: str, smooth_triangles: bool = False) -> Mat
     middle = _matrix(edge_rows, links.ends.ravel(), 0.5, (count_e, n))
     centre = _matrix(links.face, net.indices, 1 / net.counts[links.face], (len(net.counts), n))
     if scheme == "bilinear":
-        return sparse.vstack([sparse.eye_array(n), middle, centre], format="csr")
+        return _sparse().vstack([_sparse().eye_array(n), middle, centre], format="csr")
 
     soft = 1 - np.minimum(net.edge_sharpness, 1)  # how much of the smooth edge rule
     if scheme == "loop":
         # Edge: 3/8 of its ends, 1/8 of the two opposite vertices.
         opposite = _matrix(links.edge, net.indices[links.previous], 1.0, (count_e, n))
         edge = _scaled(1 - 0.25 * soft, middle) + _scaled(0.125 * soft, opposite)
-        return sparse.vstack([_vertex_rows(net, None), edge], format="csr")
+        return _sparse().vstack([_vertex_rows(net, None), edge], format="csr")
     # Edge: the mean of its ends and the two faces beside; triangles may weigh more (OpenSubdiv's 0.470).
     of_face = np.where(net.counts == 3, 0.47, 0.25) if smooth_triangles else np.full(len(net.counts), 0.25)
     share = np.bincount(links.edge, of_face[links.face], count_e) / np.maximum(links.faces_of_edge, 1) * soft
     beside = _matrix(links.edge, links.face, 1.0, (count_e, len(net.counts)))
     edge = _scaled(1 - 2 * share, middle) + _scaled(share, beside @ centre)
-    return sparse.vstack([_vertex_rows(net, centre), edge, centre], format="csr")
+    return _sparse().vstack([_vertex_rows(net, centre), edge, centre], format="csr")
 
 
 def linear_stencil(net: Net, scheme: str) -> Matrix:
@@ -258,7 +257,7 @@ def _masked_rows(net: Net, centre: Matrix | None, sharp_edge: Bool, sharp_vertex
     else:
         each = (0.625 - (0.375 + 0.25 * np.cos(2 * np.pi / k)) ** 2) / k
         own = 1 - k * each
-    rows = sparse.diags_array(np.where(smooth, own, np.where(crease, 0.75, 1.0))).tocsr()
+    rows = _sparse().diags_array(np.where(smooth, own, np.where(crease, 0.75, 1.0))).tocsr()
     rows = rows + _scaled(np.where(smooth, each, 0), neighbour) + _scaled(np.where(crease, 0.125, 0), along)
     if centre is not None:
         around = _matrix(net.indices, links.face, 1.0, (n, len(net.counts)))
@@ -266,8 +265,15 @@ def _masked_rows(net: Net, centre: Matrix | None, sharp_edge: Bool, sharp_vertex
     return rows
 
 
+def _sparse() -> Any:
+    """scipy.sparse, imported where it is needed: it would take a third of the start of `usdslf info`."""
+    from scipy import sparse
+
+    return sparse
+
+
 def _matrix(rows: I64, columns: I64, values: F64 | float, shape: tuple[int, int]) -> Matrix:
-    return sparse.csr_array((np.broadcast_to(values, rows.shape).astype(float), (rows, columns)), shape)
+    return _sparse().csr_array((np.broadcast_to(values, rows.shape).astype(float), (rows, columns)), shape)
 
 
 def _scaled(weights: F64, matrix: Matrix) -> Matrix:
