@@ -25,6 +25,7 @@ from usdslf.elements.elements import Elements, refresh_reflectance, sample_eleme
 from usdslf.elements.lookup import ElementLookup
 from usdslf.errors import InputError, StageError
 from usdslf.gpu.device import Device, open_device
+from usdslf.inference.gathered import Gathered
 from usdslf.light_field.light_field import LightField, require_memory
 from usdslf.light_field.static_light import static_light
 from usdslf.light_field.visibility import Visibility, trace_visibility
@@ -264,6 +265,11 @@ class Shot:
             found.rest()
         self.start.clear()
         return found
+
+    @_Lazy
+    def gathered(self) -> Gathered:
+        """What was traced for strokes on it."""
+        return Gathered()
 
     @_Lazy
     def overview(self) -> Camera:

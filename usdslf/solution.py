@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Generator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from types import MappingProxyType
 
 import numpy as np
@@ -22,7 +23,7 @@ from usdslf.errors import SolveError, StrokeError
 from usdslf.inference.answer_residuals import residual_as_preview
 from usdslf.inference.answers import Answer, Painted, Pool
 from usdslf.inference.changes import changes_of
-from usdslf.inference.direct import gather_strokes, infer_changes
+from usdslf.inference.direct import gather_stroke, infer_changes
 from usdslf.inference.indirect import infer_indirect
 from usdslf.inference.weights import Options
 from usdslf.light_field.light_field import LightField
@@ -185,10 +186,14 @@ def find_solution(shot: Shot, strokes: Sequence[Stroke], settings: Settings | No
     asked = [replace(stroke, norm=s.norm) if s.norm else stroke for stroke in active]
     seconds: dict[str, float] = {}
     said: list[str] = []
-    lights, field = shot.light_set, shot.light_field
-    field = field.with_surface(field.surface)
+    before = shot.light_field
+    field = before.with_surface(before.surface)
     with step("evidence", seconds):
-        painted = gather_strokes(asked, shot.scene, shot.tracer, field, lights, said)
+        painted = []
+        for stroke in asked:
+            gather = partial(gather_stroke, stroke, shot.scene, shot.tracer, before, shot.light_set)
+            painted.append(shot.gathered.of(stroke, gather, said))
+            tell(len(painted) / len(asked))
     with step("solve", seconds):
         answers, as_preview = _answers(shot, painted, field, s, said)
     for a in answers:

@@ -30,7 +30,6 @@ from usdslf.inference.tools import wanted_radiance
 from usdslf.inference.weights import Options
 from usdslf.light_field.light_field import LightField, Surface
 from usdslf.lights.sources import LightSet
-from usdslf.progress import tell
 from usdslf.scene.records import Scene
 from usdslf.similarity.similarity import Weights
 from usdslf.strokes.stroke import Stroke
@@ -49,17 +48,20 @@ def gather_strokes(
 
     Raises: StrokeError for a stroke that lies on no surface.
     """
-    painted = []
-    active = sum(s.active for s in strokes)
-    for stroke in strokes:
-        if not stroke.active:
-            continue
-        stroke = stroke.seen_from(scene.origin)
-        samples, rows = gather_samples(stroke, scene, tracer, field, lights, warnings)
-        wanted = wanted_radiance(stroke, rows, samples, scene, tracer, field, lights, warnings)
-        painted.append(Painted(stroke, samples, rows, wanted))
-        tell(len(painted) / active)
-    return painted
+    return [gather_stroke(s, scene, tracer, field, lights, warnings) for s in strokes if s.active]
+
+
+def gather_stroke(
+    stroke: Stroke, scene: Scene, tracer: RayTracer, field: LightField, lights: LightSet, warnings: list[str]
+) -> Painted:
+    """Traces the samples of one stroke, and reads what its tool asks of the light field before any edit.
+
+    Raises: StrokeError where it lies on no surface.
+    """
+    stroke = stroke.seen_from(scene.origin)
+    samples, rows = gather_samples(stroke, scene, tracer, field, lights, warnings)
+    wanted = wanted_radiance(stroke, rows, samples, scene, tracer, field, lights, warnings)
+    return Painted(stroke, samples, rows, wanted)
 
 
 def infer_changes(

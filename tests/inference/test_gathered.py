@@ -1,0 +1,92 @@
+"""Samples of a stroke are traced once on a shot, whatever is asked beside it; what comes of them is the same."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from kit.lit_plane import FLOOR, dabs, places, seen, write_plane
+
+import usdslf
+from usdslf import solution
+from usdslf.inference.answers import Painted
+from usdslf.inference.gathered import Gathered
+from usdslf.scene.difference import look_alike
+from usdslf.session import Session
+
+
+@pytest.fixture(scope="module")
+def path(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_plane(tmp_path_factory.mktemp("plane"))
+
+
+def painted(name: str, change: float, **other: Any) -> usdslf.Stroke:
+    at = places()
+    stroke = dabs(at, seen(at, [c * change for c in FLOOR["diffuse"]], FLOOR["specular"], FLOOR["roughness"]))
+    return replace(stroke, name=name, **other)
+
+
+def test_a_stroke_is_traced_once_and_the_answer_is_that_of_a_fresh_shot(
+    path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    traced: list[str] = []
+    gather = solution.gather_stroke
+
+    def noted(stroke: usdslf.Stroke, *args: Any) -> Painted:
+        traced.append(stroke.name)
+        return gather(stroke, *args)
+
+    monkeypatch.setattr(solution, "gather_stroke", noted)
+    session = usdslf.open(str(path), elements=100)
+    first, second = painted("stroke_0001", 1.3), painted("stroke_0002", 1.31)
+    session.add_stroke(first)
+    session.solve()
+    session.add_stroke(second)
+    session.solve()
+    assert traced == ["stroke_0001", "stroke_0002"]
+    session.remove_stroke("stroke_0002")
+    session.add_stroke(replace(second, active=False))
+    session.solve(choose={"stroke_0001": "specular"})
+    again = session.solve()
+    assert traced == ["stroke_0001", "stroke_0002"]
+    session.add_stroke(replace(first, colors=first.colors * np.float32(1.1)))
+    session.solve()
+    assert traced == ["stroke_0001", "stroke_0002", "stroke_0001"]
+    fresh = usdslf.open(str(path), elements=100)
+    fresh.add_stroke(first)
+    for a, b in zip(again, fresh.solve(), strict=True):
+        assert look_alike(a.chosen, b.chosen) and a.residual_after == b.residual_after
+
+
+def test_what_is_said_of_a_stroke_is_said_each_time(path: Path) -> None:
+    shot = usdslf.open(str(path), elements=100).shot
+    moved = painted("stroke_0001", 1.2)
+    moved = replace(moved, points=moved.points + np.float32([0, 0.4, 0]))
+    found = []
+    for session in (Session(shot), Session(shot)):
+        session.add_stroke(moved)
+        session.solve()
+        found.append(session.warnings)
+    assert found[0] and found[0] == found[1]
+
+
+def test_no_more_is_kept_than_the_limit(path: Path) -> None:
+    session = usdslf.open(str(path), elements=100)
+    session.add_stroke(painted("stroke_0001", 1.3))
+    session.solve()
+    (kept,) = session.solution.painted
+    size = kept.samples.fixed.nbytes
+    traced: list[str] = []
+
+    def ask(store: Gathered, name: str) -> None:
+        store.of(painted(name, 1.0), lambda said: (traced.append(name), kept)[1], [])
+
+    for limit, wanted in ((1 << 40, ["a", "b"]), (size, ["a", "b", "a"])):
+        traced.clear()
+        store = Gathered(limit)
+        for name in ("a", "b", "a"):
+            ask(store, name)
+        assert traced == wanted

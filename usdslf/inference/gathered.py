@@ -1,0 +1,64 @@
+"""Gathered: what was traced for strokes on one shot, kept as long as they are likely to be asked again.
+
+Samples depend on the stroke and on the shot as it is, on nothing else: another stroke beside it, an undo or another
+choice ask for the same ones.  The least recently asked go when all of them are larger than the limit.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections import OrderedDict
+from collections.abc import Callable
+from dataclasses import fields, is_dataclass
+from typing import Any
+
+from usdslf.inference.answers import Painted
+from usdslf.scene.fingerprint import digest
+from usdslf.strokes.stroke import Stroke
+
+LIMIT = 1 << 30  # bytes; a stroke of 24 dabs has some 10 MB
+
+
+class Gathered:
+    """Painted strokes of one shot by the stroke's values; safe between threads."""
+
+    def __init__(self, limit: int = LIMIT) -> None:
+        """Has nothing yet.
+
+        Args:
+            limit: bytes of all that is kept.
+        """
+        self._limit = limit
+        self._kept: OrderedDict[str, tuple[Painted, tuple[str, ...], int]] = OrderedDict()
+        self._lock = threading.Lock()
+
+    def of(self, stroke: Stroke, gather: Callable[[list[str]], Painted], said: list[str]) -> Painted:
+        """Returns a stroke with its samples.
+
+        Args:
+            stroke: as it is asked.
+            gather: finds it, and adds what is to be said of it to a list.
+            said: takes that, also where it was kept.
+        """
+        name = digest(stroke, str.encode)
+        with self._lock:
+            found = self._kept.get(name)
+            if found is not None:
+                self._kept.move_to_end(name)
+        if found is None:
+            own: list[str] = []
+            painted = gather(own)
+            found = (painted, tuple(own), size_of(painted))
+            with self._lock:
+                self._kept[name] = found
+                while sum(size for _, _, size in self._kept.values()) > self._limit:
+                    self._kept.popitem(last=False)
+        said.extend(found[1])
+        return found[0]
+
+
+def size_of(value: Any) -> int:
+    """Returns the bytes of all arrays of a record."""
+    if is_dataclass(value):
+        return sum(size_of(getattr(value, f.name)) for f in fields(value))
+    return int(getattr(value, "nbytes", 0))
