@@ -21,7 +21,7 @@ from pxr import Sdf, Usd, UsdShade
 
 from usdslf.color import USD_DEFAULT_SPACE, Color
 from usdslf.usd.notes import Notes
-from usdslf.usd.preview.coordinates import Affine, coordinates_of, producer, scaled, shifted
+from usdslf.usd.preview.coordinates import AS_IT_IS, Affine, coordinates_of, producer, scaled, shifted
 from usdslf.usd.preview.surface_models import NODES, OUTPUTS, SIZES, SPACES, WRAPS, Node
 
 _CHANNELS = {"r": 0, "g": 1, "b": 2, "a": 3, "x": 0, "y": 1, "z": 2, "w": 3}
@@ -156,6 +156,28 @@ class DrivenReader:
             if space != USD_DEFAULT_SPACE and self.color.knows(space):
                 values = tuple(float(x) for x in self.color.to_working(np.array([values[:3]], np.float32), space)[0])
         return as_size(constant(*values[: 3 if len(values) > 2 else 1]), size)
+
+    def file(
+        self, shader: UsdShade.Shader, name: str, channels: str, space: str, scale: Sequence[float],
+        shift: Sequence[float],
+    ) -> Driven | None:  # fmt: skip
+        """Returns a texture that is an input of the surface itself, at st * scale + shift; None where it is no file.
+
+        Raises: NotAffine where a node is connected that gives none.
+        """
+        attribute = producer(shader, name)
+        if attribute is None:
+            return None
+        if UsdShade.Output.IsOutput(attribute):
+            return as_size(self._from_node(attribute, 0), len(channels))
+        given = attribute.Get(self.time)
+        if not isinstance(given, Sdf.AssetPath) or not given.path:
+            return None
+        space = str(attribute.GetColorSpace()) if attribute.HasColorSpace() else space
+        st = shifted(scaled(AS_IT_IS, scale), shift)
+        file = _resolved(attribute, given, self.time)
+        image = Image(file, SPACES.get(space.lower(), space), ("repeat", "repeat"), "st", st, (0.0, 0.0, 0.0, 1.0))
+        return Driven((1.0,) * len(channels), (0.0,) * len(channels), image, channels)
 
     def text(self, shader: UsdShade.Shader, name: str, default: str = "") -> str:
         """Returns an input of words."""

@@ -17,6 +17,7 @@ Roughness is the square root of alpha in all models.  Laws:
                colour; F_m = base colour.  Autodesk Standard Surface (Georgiev et al. 2019), Sections 4.1 to 4.6
     open_pbr   the same with specular_weight on the metal too; a coat darkens: (1 - K) / (1 - E K) with
                K = 1 - (1 - F0) / n^2, and roughens: (r^4 + 2 r_c^4)^(1/4).  OpenPBR 1.1
+    metal_rough, omni_pbr    metal_rough.py
     disney     F_d = .08 specular mix(1, tint, specularTint), tint the base colour over its luminance; coat of
                .25 clearcoat, F0 .04, alpha mix(.1, .001, gloss).  Burley 2012, Section 5 and Appendix B.  Its
                successor (PxrDisneyBsdf, Burley 2015) has the F0 of its ior in place of .08
@@ -29,7 +30,7 @@ A surface that lets light through (transmission) is transparent, one that is not
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from pxr import Sdf, Usd, UsdShade
@@ -49,11 +50,12 @@ from usdslf.usd.preview.driven import (
     plus,
     times,
 )
+from usdslf.usd.preview.metal_rough import metal_rough, omni_pbr
+from usdslf.usd.preview.surface_layers import NOTHING, ONE, Layers, f0_of, is_number
 from usdslf.usd.preview.surface_models import CONTEXTS, MODELS, Model
 
 Look = dict[str, Driven]  # input of a UsdPreviewSurface -> what drives it; words and switches as numbers
 MODES = ("transparent", "presence")  # opacityMode, by its number
-ONE, NOTHING = constant(1.0), constant(0.0)
 _MOST_F0 = 0.98
 _COLORS = {"diffuseColor": (0.18,) * 3, "specularColor": (0.0,) * 3, "emissiveColor": (0.0,) * 3}
 # What UsdPreviewSurface has where nothing is said.
@@ -62,23 +64,6 @@ FALLBACKS: dict[str, tuple[float, ...]] = {
     "clearcoatRoughness": (0.01,), "ior": (1.5,), "opacity": (1.0,), "opacityThreshold": (0.0,), "opacityMode": (0.0,),
     "normal": (0.0, 0.0, 1.0),
 }  # fmt: skip
-
-
-@dataclass
-class _Layers:
-    """A surface in the terms that all models share."""
-
-    diffuse: Driven
-    metalness: Driven
-    dielectric_f0: Driven
-    metal_f0: Driven
-    roughness: Driven
-    coat: Driven = NOTHING
-    coat_roughness: Driven = NOTHING
-    coat_f0: float = 0.04
-    opacity: Driven = ONE
-    transmission: Driven = NOTHING
-    emission: Driven = NOTHING
 
 
 def look_of(
@@ -109,9 +94,16 @@ def surface_of(material: UsdShade.Material) -> UsdShade.Shader | None:
         if context not in outputs:
             continue
         shader = material.ComputeSurfaceSource(context)[0]
-        if shader and str(shader.GetIdAttr().Get()) in MODELS:
+        if shader and name_of(shader) in MODELS:
             return shader
     return None
+
+
+def name_of(shader: UsdShade.Shader) -> str:
+    """Returns the name of a shader in the table: its id, or "mdl:" and that of its material in an MDL file."""
+    if shader.GetImplementationSource() == UsdShade.Tokens.sourceAsset:
+        return f"mdl:{shader.GetSourceAssetSubIdentifier('mdl')}"
+    return str(shader.GetIdAttr().Get())
 
 
 class _Translation:
@@ -121,14 +113,15 @@ class _Translation:
         self, shader: UsdShade.Shader, reader: DrivenReader, notes: Notes, shown: tuple[float, ...]
     ) -> None:
         self.shader, self.reader, self.notes, self.shown = shader, reader, notes, shown
-        self.model: Model = MODELS[str(shader.GetIdAttr().Get())]
+        self.model: Model = MODELS[name_of(shader)]
 
     def look(self) -> Look:
         if self.model.law == "preview":
             look = {name: self.role(name) for name in self.model.roles}
         else:
-            laws: dict[str, Callable[[], _Layers]] = {
+            laws: dict[str, Callable[[], Layers]] = {
                 "standard": self._standard, "open_pbr": self._standard, "disney": self._disney, "pxr": self._pxr,
+                "metal_rough": lambda: metal_rough(self), "omni_pbr": lambda: omni_pbr(self),
             }  # fmt: skip
             look = self._written(laws[self.model.law]())
         look |= self._normal()
@@ -151,7 +144,7 @@ class _Translation:
         except NotAffine as why:
             best = self.shown if name in ("base_color", "diffuseColor") and len(self.shown) == 3 else default
             what = "displayColor" if best is self.shown else "default"
-            self._say(port, str(why), f"its {what} {_words(best)} is used")
+            self.say(port, str(why), f"its {what} {_words(best)} is used")
             return constant(*best)
 
     def number(self, name: str, otherwise: float = 0.0) -> float:
@@ -159,15 +152,15 @@ class _Translation:
         value = self.role(name, constant(otherwise))
         best = value.best_number
         if value.source is not None:
-            self._say(self.model.roles[name][0], "a texture", f"{best[0]:.3g} is used")
+            self.say(self.model.roles[name][0], "a texture", f"{best[0]:.3g} is used")
         return float(np.mean(best))
 
-    def _say(self, port: str, why: str, instead: str) -> None:
+    def say(self, port: str, why: str, instead: str) -> None:
         where = self.shader.GetPath()
         text = f"{port} of {{}} is driven by {why}, which UsdPreviewSurface cannot show: {instead}"
         self.notes.add(text, where)
 
-    def _try(self, what: str, law: Callable[..., Driven], *values: Driven) -> Driven:
+    def attempt(self, what: str, law: Callable[..., Driven], *values: Driven) -> Driven:
         """A law; where two textures meet in it, the later ones are numbers."""
         try:
             return law(*values)
@@ -177,32 +170,32 @@ class _Translation:
             return law(*(v if i in kept else constant(*v.best_number) for i, v in enumerate(values)))
 
     # ---- laws ------------------------------------------------------------------------------
-    def _standard(self) -> _Layers:
+    def _standard(self) -> Layers:
         is_open = self.model.law == "open_pbr"
-        base = self._try("base colour", times, self.role("base_color"), self.role("base_weight"))
+        base = self.attempt("base colour", times, self.role("base_color"), self.role("base_weight"))
         diffuse = base
-        if not _is(weight := self.role("subsurface_weight"), 0):
-            diffuse = self._try("subsurface", mix, base, self.role("subsurface_color"), weight)
-        specular = self._try("specular", times, self.role("specular_color"), self.role("specular_weight"))
-        f0 = times(specular, constant(_f0(self.number("ior"))))
-        metal = self._try("specular", times, base, self.role("specular_weight")) if is_open else base
+        if not is_number(weight := self.role("subsurface_weight"), 0):
+            diffuse = self.attempt("subsurface", mix, base, self.role("subsurface_color"), weight)
+        specular = self.attempt("specular", times, self.role("specular_color"), self.role("specular_weight"))
+        f0 = times(specular, constant(f0_of(self.number("ior"))))
+        metal = self.attempt("specular", times, base, self.role("specular_weight")) if is_open else base
         roughness, coat = self.role("roughness"), self.role("coat_weight")
-        layers = _Layers(diffuse, self.role("metalness"), f0, metal, roughness, opacity=self.role("opacity"))
+        layers = Layers(diffuse, self.role("metalness"), f0, metal, roughness, opacity=self.role("opacity"))
         layers.transmission = self.role("transmission")
-        layers.emission = self._try("emission", times, self.role("emission_color"), self.role("emission_weight"))
-        if not _is(coat, 0):
+        layers.emission = self.attempt("emission", times, self.role("emission_color"), self.role("emission_weight"))
+        if not is_number(coat, 0):
             layers.coat, layers.coat_roughness = coat, self.role("coat_roughness")
-            layers.coat_f0 = _f0(self.number("coat_ior"))
+            layers.coat_f0 = f0_of(self.number("coat_ior"))
             self._below_coat(layers, is_open)
         return layers
 
-    def _below_coat(self, layers: _Layers, is_open: bool) -> None:
-        tint = self._try("coat", mix, constant(1.0, 1.0, 1.0), self.role("coat_color"), layers.coat)
+    def _below_coat(self, layers: Layers, is_open: bool) -> None:
+        tint = self.attempt("coat", mix, constant(1.0, 1.0, 1.0), self.role("coat_color"), layers.coat)
         darker = self._darkened(layers, tint) if is_open else tint
         for name, by in (("diffuse", darker), ("metal_f0", darker), ("dielectric_f0", tint), ("emission", tint)):
-            setattr(layers, name, self._try("coat", times, getattr(layers, name), by))
+            setattr(layers, name, self.attempt("coat", times, getattr(layers, name), by))
 
-    def _darkened(self, layers: _Layers, tint: Driven) -> Driven:
+    def _darkened(self, layers: Layers, tint: Driven) -> Driven:
         """Tint times the darkening of OpenPBR, and the base roughened; where all of it is numbers."""
         values = (layers.diffuse, layers.coat, layers.roughness, layers.coat_roughness, layers.metalness)
         if any(v.source is not None for v in values):
@@ -219,30 +212,30 @@ class _Translation:
         amount = constant(coat * self.number("coat_darkening"))
         return times(tint, mix(constant(1.0, 1.0, 1.0), constant(*darkening), amount))
 
-    def _disney(self) -> _Layers:
+    def _disney(self) -> Layers:
         base = self.role("base_color")
-        most = _f0(self.number("ior")) if "ior" in self.model.roles else 0.08
+        most = f0_of(self.number("ior")) if "ior" in self.model.roles else 0.08
         f0 = times(constant(most, most, most), self.role("specular_weight"))
-        if not _is(amount := self.role("specular_tint"), 0):
+        if not is_number(amount := self.role("specular_tint"), 0):
             tint = np.array(base.best_number)
             tint = tint / max(float(tint @ LUMINANCE), 1e-6)
-            tinted = self._try("specularTint", mix, constant(1.0, 1.0, 1.0), constant(*tint), amount)
-            f0 = self._try("specularTint", times, f0, tinted)
-        layers = _Layers(base, self.role("metalness"), f0, base, self.role("roughness"))
+            tinted = self.attempt("specularTint", mix, constant(1.0, 1.0, 1.0), constant(*tint), amount)
+            f0 = self.attempt("specularTint", times, f0, tinted)
+        layers = Layers(base, self.role("metalness"), f0, base, self.role("roughness"))
         layers.opacity, layers.transmission = self.role("opacity", ONE), self.role("transmission")
         layers.emission = self.role("emission_color")
         layers.coat = times(self.role("coat_weight"), constant(0.25))
-        if not _is(layers.coat, 0):
+        if not is_number(layers.coat, 0):
             gloss = self.number("coat_gloss")
             layers.coat_roughness = constant((0.1 + (0.001 - 0.1) * gloss) ** 0.5)
         return layers
 
-    def _pxr(self) -> _Layers:
-        base = self._try("diffuse", times, self.role("base_color"), self.role("base_weight"))
+    def _pxr(self) -> Layers:
+        base = self.attempt("diffuse", times, self.role("base_color"), self.role("base_weight"))
         f0 = self._pxr_f0("face_color", "edge_color", "fresnel_mode", "ior", "extinction")
-        layers = _Layers(base, NOTHING, f0, f0, self.role("roughness"))
+        layers = Layers(base, NOTHING, f0, f0, self.role("roughness"))
         layers.opacity, layers.transmission = self.role("opacity"), self.role("transmission")
-        layers.emission = self._try("glow", times, self.role("emission_color"), self.role("emission_weight"))
+        layers.emission = self.attempt("glow", times, self.role("emission_color"), self.role("emission_weight"))
         coat = self._pxr_f0("coat_face", "coat_edge", "coat_mode", "coat_ior", "coat_extinction")
         head_on = float(np.mean(coat.best_number))
         if head_on > 0:  # a weight of the coat that reflects head-on what this one does
@@ -259,11 +252,11 @@ class _Translation:
         return times(self.role(edge), constant(*f0))
 
     # ---- writing ---------------------------------------------------------------------------
-    def _written(self, layers: _Layers) -> Look:
+    def _written(self, layers: Layers) -> Look:
         m = layers.metalness.number
         head_on = layers.dielectric_f0.number
         is_grey = head_on is not None and np.ptp(head_on) <= 1e-6
-        has_coat = not _is(layers.coat, 0)
+        has_coat = not is_number(layers.coat, 0)
         fits = m == (1.0,) or (is_grey and (m == (0.0,) or layers.metal_f0 == layers.diffuse))
         if has_coat and fits and m != (1.0,):
             assert head_on is not None
@@ -279,12 +272,12 @@ class _Translation:
                 self.shader.GetPath(),
             )
             look["ior"] = constant(_ior(float(np.mean(layers.dielectric_f0.best_number))))
-        no_specular = m == (0.0,) and _is(layers.dielectric_f0, 0)
+        no_specular = m == (0.0,) and is_number(layers.dielectric_f0, 0)
         look["roughness"] = ONE if no_specular else layers.roughness
         look["emissiveColor"] = as_size(layers.emission, 3)
         return look | self._coverage(layers)
 
-    def _by_metal(self, layers: _Layers) -> Look:
+    def _by_metal(self, layers: Layers) -> Look:
         m = layers.metalness.number
         color = layers.metal_f0 if m == (1.0,) else layers.diffuse
         look = {"diffuseColor": as_size(color, 3), "metallic": layers.metalness}
@@ -292,28 +285,28 @@ class _Translation:
             look["ior"] = constant(_ior(float(np.mean(layers.dielectric_f0.best_number))))
         return look
 
-    def _by_specular(self, layers: _Layers, m: float) -> Look:
+    def _by_specular(self, layers: Layers, m: float) -> Look:
         diffuse = times(layers.diffuse, constant(1 - m))
-        specular = self._try("specular", mix, layers.dielectric_f0, layers.metal_f0, constant(m))
+        specular = self.attempt("specular", mix, layers.dielectric_f0, layers.metal_f0, constant(m))
         return {
             "useSpecularWorkflow": ONE,
             "diffuseColor": as_size(diffuse, 3),
             "specularColor": as_size(specular, 3),
         }
 
-    def _coverage(self, layers: _Layers) -> Look:
+    def _coverage(self, layers: Layers) -> Look:
         """Opacity and its mode."""
         opacity = layers.opacity
         if opacity.size == 3:
             value = opacity.number
             opacity = as_size(opacity, 1) if value is None else constant(float(np.mean(value)))
-        if _is(layers.transmission, 0):
-            is_solid = _is(opacity, 1)
+        if is_number(layers.transmission, 0):
+            is_solid = is_number(opacity, 1)
             return {} if is_solid else {"opacity": opacity, "opacityMode": constant(float(MODES.index("presence")))}
         solid = plus(ONE, times(layers.metalness, constant(-1.0)))
-        through = self._try("transmission", times, layers.transmission, solid)
+        through = self.attempt("transmission", times, layers.transmission, solid)
         left = plus(ONE, times(through, constant(-1.0)))
-        return {"opacity": self._try("opacity", times, opacity, left)}
+        return {"opacity": self.attempt("opacity", times, opacity, left)}
 
     def _normal(self) -> Look:
         """A normal map: texels 0..1 that stand for -1..1, but those of a preview surface, which are as they are."""
@@ -333,7 +326,7 @@ class _Translation:
             texel = self.reader.value(shader, node.inputs["value"], (0.5, 0.5, 1.0))
             return {"normal": plus(times(texel, constant(2.0)), constant(-1.0, -1.0, -1.0))}
         except NotAffine as why:
-            self._say(port, str(why), "the normals of the gprim are used")
+            self.say(port, str(why), "the normals of the gprim are used")
             return {}
 
     # ---- what cannot be said ---------------------------------------------------------------
@@ -356,7 +349,7 @@ class _Translation:
         if not why:
             return value
         best = value.best_number
-        self._say(name, why, f"{_words(best)} is used")
+        self.say(name, why, f"{_words(best)} is used")
         return constant(*best)
 
     def _name_what_is_lost(self) -> None:
@@ -374,17 +367,9 @@ class _Translation:
             self.notes.add(text, self.shader.GetPath())
 
 
-def _f0(ior: float) -> float:
-    return ((ior - 1) / (ior + 1)) ** 2 if ior > 0 else 1.0
-
-
 def _ior(f0: float) -> float:
     root = min(max(f0, 0.0), _MOST_F0) ** 0.5
     return (1 + root) / (1 - root)
-
-
-def _is(value: Driven, number: float) -> bool:
-    return value.number is not None and all(abs(v - number) < 1e-9 for v in value.number)
 
 
 def _near(a: tuple[float, ...], b: tuple[float, ...]) -> bool:

@@ -7,9 +7,10 @@
 A node of MaterialX is named by its category ("ND_multiply_color3FA" is "mtlx:multiply"), others by their id.
 
 Sources: MaterialX 1.39, libraries bxdf/standard_surface.mtlx (1.0.0 and 1.0.1), open_pbr_surface.mtlx,
-disney_principled.mtlx, usd_preview_surface.mtlx, stdlib_defs.mtlx and stdlib_ng.mtlx; Georgiev et al. 2019, Autodesk
-Standard Surface; OpenPBR Surface 1.1; Burley 2012, Physically-Based Shading at Disney; RenderMan's PxrSurface,
-PxrDisneyBsdf, PxrTexture and PxrManifold2D, and Arnold's standard_surface and image, as their documentation has them.
+disney_principled.mtlx, gltf_pbr.mtlx, usd_preview_surface.mtlx, stdlib_defs.mtlx and stdlib_ng.mtlx; Georgiev et al.
+2019, Autodesk Standard Surface; OpenPBR Surface 1.1; Burley 2012, Physically-Based Shading at Disney; RenderMan's
+PxrSurface, PxrDisneyBsdf, PxrTexture and PxrManifold2D, Arnold's standard_surface and image, RealityKit's PBR surface
+and OmniPBR of MDL, as their documentation has them.
 """
 
 from __future__ import annotations
@@ -19,14 +20,14 @@ from dataclasses import dataclass, field
 Default = tuple[float, ...]
 Role = tuple[str, Default]  # name of the input, its default
 
-CONTEXTS = ("mtlx", "arnold", "ri", "")
+CONTEXTS = ("mtlx", "arnold", "ri", "mdl", "")
 
 
 @dataclass(frozen=True)
 class Model:
     """A surface shader: what its inputs mean, and those that UsdPreviewSurface has nothing for."""
 
-    law: str  # standard | open_pbr | disney | pxr | preview
+    law: str  # standard | open_pbr | disney | pxr | metal_rough | omni_pbr | preview
     roles: dict[str, Role]
     lost: dict[str, Default] = field(default_factory=dict)  # input -> the value at which it does nothing
     normal: str = "normal"  # the input for a normal map
@@ -94,7 +95,60 @@ _DISNEY: dict[str, Role] = {
 }
 _DISNEY_LOST: dict[str, Default] = {"anisotropic": (0.0,), "sheen": (0.0,), "subsurface": (0.0,)}
 
+_GLTF: dict[str, Role] = {
+    "base_color": ("base_color", (1.0, 1.0, 1.0)),
+    "metalness": ("metallic", (1.0,)),
+    "roughness": ("roughness", (1.0,)),
+    "specular_weight": ("specular", (1.0,)),
+    "specular_color": ("specular_color", (1.0, 1.0, 1.0)),
+    "ior": ("ior", (1.5,)),
+    "transmission": ("transmission", (0.0,)),
+    "emission_color": ("emissive", (0.0, 0.0, 0.0)),
+    "emission_weight": ("emissive_strength", (1.0,)),
+    "alpha_mode": ("alpha_mode", (0.0,)),
+    "opacity": ("alpha", (1.0,)),
+    "coat_weight": ("clearcoat", (0.0,)),
+    "coat_roughness": ("clearcoat_roughness", (0.0,)),
+}
+_GLTF_LOST: dict[str, Default] = {
+    "iridescence": (0.0,),
+    "sheen_color": (0.0, 0.0, 0.0),
+    "anisotropy_strength": (0.0,),
+    "dispersion": (0.0,),
+}
+_REALITYKIT: dict[str, Role] = {
+    "base_color": ("baseColor", (1.0, 1.0, 1.0)),
+    "metalness": ("metallic", (0.0,)),
+    "roughness": ("roughness", (0.5,)),
+    "specular_weight": ("specular", (0.5,)),
+    "emission_color": ("emissiveColor", (0.0, 0.0, 0.0)),
+    "opacity": ("opacity", (1.0,)),
+    "coat_weight": ("clearcoat", (0.0,)),
+    "coat_roughness": ("clearcoatRoughness", (0.0,)),
+}
+_OMNI_PBR: dict[str, Role] = {
+    "base_color": ("diffuse_color_constant", (0.2, 0.2, 0.2)),
+    "brightness": ("albedo_brightness", (1.0,)),
+    "added": ("albedo_add", (0.0,)),
+    "tint": ("diffuse_tint", (1.0, 1.0, 1.0)),
+    "roughness": ("reflection_roughness_constant", (0.5,)),
+    "roughness_influence": ("reflection_roughness_texture_influence", (0.0,)),
+    "metalness": ("metallic_constant", (0.0,)),
+    "metalness_influence": ("metallic_texture_influence", (0.0,)),
+    "is_packed": ("enable_ORM_texture", (0.0,)),
+    "specular_weight": ("specular_level", (0.5,)),
+    "emits": ("enable_emission", (0.0,)),
+    "emission_color": ("emissive_color", (1.0, 0.1, 0.1)),
+    "emission_weight": ("emissive_intensity", (40.0,)),
+    "is_cut": ("enable_opacity", (0.0,)),
+    "opacity": ("opacity_constant", (1.0,)),
+}
+
 MODELS: dict[str, Model] = {
+    "ND_gltf_pbr_surfaceshader": Model("metal_rough", _GLTF, _GLTF_LOST),
+    "ND_realitykit_pbr_surfaceshader": Model("metal_rough", _REALITYKIT, {"opacityThreshold": (0.0,)}),
+    "ND_realitykit_pbr_surfaceshader_2_0": Model("metal_rough", _REALITYKIT, {"opacityThreshold": (0.0,)}),
+    "mdl:OmniPBR": Model("omni_pbr", _OMNI_PBR, {"albedo_desaturation": (0.0,)}, "normalmap_texture"),
     "ND_standard_surface_surfaceshader": Model("standard", _STANDARD, _STANDARD_LOST),
     "ND_standard_surface_surfaceshader_100": Model(
         "standard",
@@ -213,6 +267,14 @@ NODES: dict[str, Node] = {
         {
             "file": "file", "st": "texcoord", "fallback": "default", "tiling": "uvtiling", "shift": "uvoffset",
             "image_size": "realworldimagesize", "tile_size": "realworldtilesize",
+        },
+        text={"wrap": "periodic", "space": "raw"},
+    ),
+    "mtlx:gltf": Node(  # gltf_image, gltf_colorimage
+        "image",
+        {
+            "file": "file", "st": "texcoord", "fallback": "default",
+            "wrap_s": "uaddressmode", "wrap_t": "vaddressmode",
         },
         text={"wrap": "periodic", "space": "raw"},
     ),
