@@ -18,6 +18,7 @@ from usdslf.shot import Shot
 from usdslf.solution import Solution
 from usdslf.strokes.stroke import Stroke
 from usdslf.stylize.unsharp_mask import Stylized
+from usdslf.usd.border import in_words
 from usdslf.usd.layer.wins import AuthoredEdit
 
 
@@ -103,10 +104,8 @@ def _of_stroke(
 ) -> dict[str, Any]:
     """The first answer is the stroke's own; an indirect one may change further materials."""
     materials = shot.scene.materials
-    t = answer.tables
     as_preview = solution.as_preview.get(answer.pool)
     as_written = written.get(answer.pool)
-    explained = [*((c.id, c) for c in answer.candidates), *((a.id, a.mean) for a in answer.varied)]
     found = {
         "path": stroke.path,
         "surface": _surface_of(shot.scene, stroke, answer.pool.material),
@@ -122,15 +121,7 @@ def _of_stroke(
         "ambiguous": answer.is_ambiguous,
         "varies": answer.varying is not None,
         "range": _ranges(answer),
-        "alternatives": [
-            {
-                "id": name,
-                "cost": c.cost if c.is_admitted else None,
-                "probability": chance,
-                "after": _plain(means_of(t, c)[1]),
-            }
-            for (name, c), chance in zip(explained, probabilities([c for _, c in explained]).tolist(), strict=True)
-        ],
+        "alternatives": _alternatives(answer),
     }
     alike = (*answer.pool.alike, *answer.pool.partly)
     also = [(m, answer, *alike_means(answer, m, shot.light_field)) for m in alike]
@@ -155,6 +146,20 @@ def _of_stroke(
     return found
 
 
+def _alternatives(answer: Answer) -> list[dict[str, Any]]:
+    """All explanations, each with what choosing it would write in the light as it is."""
+    t, chosen = answer.tables, answer.chosen.id
+    constant = [(c.id, c, answer.if_chosen.get(c.id) or means_of(t, c)[1]) for c in answer.candidates]
+    if not answer.varying:
+        constant = [(name, c, answer.after if name == chosen else after) for name, c, after in constant]
+    explained = [*constant, *((a.id, a.mean, means_of(t, a.mean)[1]) for a in answer.varied)]
+    chances = probabilities([c for _, c, _ in explained]).tolist()
+    return [
+        {"id": name, "cost": c.cost if c.is_admitted else None, "probability": chance, "after": _plain(after)}
+        for (name, c, after), chance in zip(explained, chances, strict=True)
+    ]
+
+
 def _ranges(answer: Answer) -> dict[str, Any]:
     """Least and greatest value of each parameter that changed, which hold 90 % of what the paint may mean.
 
@@ -174,28 +179,44 @@ def _plain(values: Mapping[str, NDArray]) -> dict[str, Any]:
 
 
 def lines_of_report(report: Mapping[str, Any]) -> Iterator[str]:
-    """Yields two lines a stroke or stylized material, and up to two an edit."""
+    """Yields two lines a stylized material or what strokes ask together, and up to two an edit."""
     for style in report.get("materials", ()):
         yield f"{style['material']}: {style['inferred']}"
         residual = f"{style['residual_before']:.3f} -> {style['residual_after']:.3f}"
         written = f", as written {style['residual_as_written']:.3f}" if "residual_as_written" in style else ""
         yield f"  {_changes(style)}; residual of its elements {residual}{written}"
-    for stroke in report["strokes"]:
+    for strokes in _answered_alike(report["strokes"]):
+        stroke = strokes[0]
+        named, on = (", ".join(dict.fromkeys(s[key] for s in strokes)) for key in ("path", "surface"))
         tie = "  (ambiguous)" if stroke.get("ambiguous") else ""
         tie += "  (varies over the surface; means follow)" if stroke.get("varies") else ""
-        yield f"{stroke['path']} on {stroke['surface']}: {stroke['inferred']} of {stroke['material']}{tie}"
+        yield f"{named} on {on}: {stroke['inferred']} of {stroke['material']}{tie}"
         residual = f"{stroke['residual_before']:.3f} -> {stroke['residual_after']:.3f}"
         yield f"  {_changes(stroke)}; residual {residual}"
         for name, (low, high) in stroke.get("range", {}).items():
-            yield f"  the paint allows {name} {_value(low)} to {_value(high)} (90 %)"
+            yield f"  the paint allows {name} {in_words(low)} to {in_words(high)} (90 %)"
         for also in stroke.get("also", ()):
             yield f"  and {also['inferred']} of {also['material']}: {_changes(also)}"
     for edit in report["edits"]:
         loses = "" if edit["wins"] else f"  (hidden by {edit['hidden_by']}: {edit['mend']})"
-        change = f"{_value(edit['before'])} -> {_value(edit['after'])}"
+        change = f"{in_words(edit['before'])} -> {in_words(edit['after'])}"
         yield f"{edit['prim']}.{edit['attribute']}: {change}{loses}"
         if edit["affects"]:
             yield f"  shown by {len(edit['affects'])}: {_some(edit['affects'])}"
+
+
+def _answered_alike(strokes: Sequence[Mapping[str, Any]]) -> list[list[Mapping[str, Any]]]:
+    """The strokes of a report, those together that were asked together and have one answer."""
+    found: list[list[Mapping[str, Any]]] = []
+    for stroke in strokes:
+        same = {k: v for k, v in stroke.items() if k not in ("path", "surface")}
+        for others in found:
+            if same == {k: v for k, v in others[0].items() if k not in ("path", "surface")}:
+                others.append(stroke)
+                break
+        else:
+            found.append([stroke])
+    return found
 
 
 def _some(prims: Sequence[str], most: int = 3) -> str:
@@ -205,11 +226,5 @@ def _some(prims: Sequence[str], most: int = 3) -> str:
 
 def _changes(of: Mapping[str, Any]) -> str:
     before, after = of["before"], of["after"]
-    changed = [f"{k} {_value(before[k])} -> {_value(after[k])}" for k in after if before[k] != after[k]]
+    changed = [f"{k} {in_words(before[k])} -> {in_words(after[k])}" for k in after if before[k] != after[k]]
     return ", ".join(changed) or "nothing changed"
-
-
-def _value(value: Any) -> str:
-    if isinstance(value, list | tuple):
-        return "(" + ", ".join(_value(v) for v in value) + ")"
-    return f"{value:.3g}" if isinstance(value, float) else str(value)

@@ -7,7 +7,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -73,6 +74,8 @@ class Answer:
     varied: tuple[VaryingAnswer, ...] = ()  # the best of each parameter that could be stored, for choosing
     spread: Varying | None = None  # the change as it goes on to what is partly similar
     varying: Varying | None = None  # where the change varies over the surface; `chosen` holds its mean
+    # by candidate: what choosing it gives in the light as it is, means as in `after`; only candidates that can be
+    if_chosen: Mapping[str, dict[str, NDArray]] = field(default_factory=dict)
 
     @property
     def is_ambiguous(self) -> bool:

@@ -22,7 +22,7 @@ from usdslf.inference.candidate import Candidate
 from usdslf.inference.evidence import Evidence
 from usdslf.inference.fit import Problem
 from usdslf.inference.pools import fixed_materials, pool_names
-from usdslf.inference.refits import refit_answer
+from usdslf.inference.refits import means_if_chosen, refit_answer
 from usdslf.inference.solve import enumerate_candidates, relative_error
 from usdslf.inference.tools import expected_error
 from usdslf.inference.varying import VaryingAnswer, as_spread, asks_to_vary, places_of_dabs, varying_answers
@@ -63,6 +63,10 @@ def first_answers(
         evidence = [p.evidence(ask.field) for p in painted]
         answers = [_first_answer(p, evidence, painted, ask) for p in pools]
     answers = [_or_nothing(a, painted, ask) for a in answers]
+    answers = [
+        a if a.pool.is_held else replace(a, if_chosen=means_if_chosen(a, evidence, painted, ask.field, ask.options))
+        for a in answers
+    ]
     for i, a in enumerate(answers):  # what one change goes on to is taken for those that follow
         answers[i] = _with_alike(a, answers, evidence, painted, ask)
     return answers, painted

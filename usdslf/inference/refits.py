@@ -1,6 +1,7 @@
 """Refits: an answer fitted again under the light of now, and how it looks once its light went round.
 
     refit_answer(answer, evidence, painted, field, options) -> Answer
+    means_if_chosen(answer, evidence, painted, field, options) -> what each candidate gives if it is chosen
     after_bounce(answer, evidence, painted, field) -> Answer with its residual
     with_changes(answer, change) -> Answer, for steps between rounds: changes_of_answers, relaxed, while_storable
 
@@ -30,6 +31,7 @@ from usdslf.scene.records import Scene
 from usdslf.surfaces.reflectance import gloss_levels, moved_roughness
 
 FINE_LEVELS = 9  # between the neighbours of the chosen level
+UNLIKELY = 12.0  # cost above the best at which one in 400 would mean it
 
 
 def refit_answer(
@@ -57,6 +59,27 @@ def refit_answer(
             chosen = refit(refit_problem(tables, options), replace(chosen, level=tables.own))
     before, after = means_of(tables, chosen)
     return replace(answer, chosen=chosen, tables=tables, before=before, after=after)
+
+
+def means_if_chosen(
+    answer: Answer, evidence: list[Evidence], painted: list[Painted], field: LightField, options: Options
+) -> dict[str, dict[str, NDArray]]:
+    """Returns what each candidate of an answer gives if it is chosen: means as in Answer.after, by its id.
+
+    That is in the light of now, before a change goes round.  Glossiness is fitted on finer levels where its candidate
+    costs little more than the chosen one.
+    """
+    mine = [evidence[i] for i in answer.pool.strokes]
+    tables = pool_tables(mine, answer.pool.material, field.model)
+    problem, found = refit_problem(tables, options), {}
+    for c in answer.candidates:
+        if "glossiness" in c.freed and c.cost - answer.chosen.cost < UNLIKELY:
+            as_chosen = replace(answer, chosen=c, varying=None)
+            found[c.id] = refit_answer(as_chosen, evidence, painted, field, options).after
+            continue
+        level = c.level if "glossiness" in c.freed else tables.own
+        found[c.id] = means_of(tables, refit(problem, replace(c, level=level)) if c.freed else c)[1]
+    return found
 
 
 def _finer(e: Evidence, samples: Samples, field: LightField, chosen: Candidate) -> Evidence:

@@ -5,6 +5,7 @@
     text_of(value) -> str                          of an error of USD, whose text need not be UTF-8
     reason_of(error) -> str                        the first reason that an error of USD gives, on one line
     plain(value) -> Any                            a value of USD as JSON can hold it
+    in_words(value) -> str                         such a value as people read it
 
 Any call of pxr may raise: Tf.ErrorException with the text of a C++ error, and UnicodeDecodeError where text that it
 hands over is not UTF-8 (a name of a binary layer, the line of a text layer that its parser stumbled over).  No single
@@ -102,3 +103,12 @@ def plain(value: Any) -> Any:
         return [float(x) for x in np.ravel(np.asarray(value, np.float64))]
     except (TypeError, ValueError):
         return [plain(x) for x in value] if hasattr(value, "__getitem__") else text_of(value)
+
+
+def in_words(value: Any) -> str:
+    """Returns a value that `plain` gives as people read it: numbers to three digits, rows in brackets, - for none."""
+    if isinstance(value, list | tuple):
+        return "(" + ", ".join(in_words(v) for v in value) + ")"
+    if value is None:
+        return "-"
+    return f"{value:.3g}" if isinstance(value, float) else str(value)
