@@ -144,6 +144,10 @@ class Color:
             return self._apply(out, source, self.working_space)
         return _run(processor.getDefaultCPUProcessor(), self._apply(out, self.working_space, source))
 
+    def converts(self, space: str) -> bool:
+        """Whether pixels of `space` are other numbers in the working space."""
+        return self._processor(space, self.working_space) is not None
+
     def acts_per_channel(self, space: str) -> bool:
         """Whether the conversion from `space` treats the channels alike and apart (a table can hold it)."""
         processor = self._processor(space, self.working_space)

@@ -288,8 +288,8 @@ class Shot:
             if camera.path == path:
                 return camera
         some = ", ".join(c.path for c in cameras[:5]) + (f" and {len(cameras) - 5} more" if len(cameras) > 5 else "")
-        known = f"there is {some}" if cameras else "leave it out, there is none"
-        raise StageError(f"{self.scene.stage} has no camera {path}; {known}")
+        without = "it has none at all: without --camera a view that sees everything is taken"
+        raise StageError(f"{self.scene.stage} has no camera {path}; {f'it has {some}' if cameras else without}")
 
     # ── other states ───────────────────────────────────────────────────────────────────────────
 

@@ -5,8 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from usdslf.textures.images import write_image
 from usdslf.usd.read.read import read_scene
 
 
@@ -47,3 +49,36 @@ def test_a_look_that_finds_nothing(inputs: Path, tmp_path: Path, run: Callable) 
 def test_shaders_of_other_renderers_by_name(inputs: Path) -> None:
     said = " ".join(read_scene(inputs / "weak/realitykit_mdl.usda").warnings)
     assert "ND_realitykit_pbr_surfaceshader" in said and "OmniPBR" in said
+
+
+@pytest.mark.parametrize(
+    ("space", "blue", "says"),
+    [
+        ("lin_rec709_scene", 0.05, ()),
+        ("lin_ap1_scene", 0.2, ("converted from lin_ap1_scene to lin_rec709_scene", "are negative", "the least -0.0")),
+        ("lin_rec709_scene", -0.05, ("100.0% of its pixels are negative in lin_rec709_scene", "the least -0.05")),
+    ],
+)
+def test_what_a_painted_picture_is_taken_as(
+    inputs: Path, tmp_path: Path, run: Callable, space: str, blue: float, says: tuple[str, ...]
+) -> None:
+    image = write_image(tmp_path / "p.exr", np.full((9, 16, 3), (0.1, 0.4, blue)), space, half=False)
+    brush = ("--path", "0.47,0.5 0.53,0.5", "--image", image, "--camera", "/World/cam")
+    code, _, err = run("stroke", inputs / "frame/s.usda", tmp_path / "strokes.usda", *brush, "--frame", 1)
+    said = [line for line in err.splitlines() if "p.exr" in line]
+    assert code == 0 and bool(said) == bool(says), err
+    assert all(words in " ".join(said) for words in says), said
+
+
+def test_a_camera_where_there_is_none(inputs: Path, tmp_path: Path, run: Callable) -> None:
+    text = (inputs / "frame/s.usda").read_text().replace("def Camera", "def Xform")
+    (tmp_path / "s.usda").write_text(text)
+    code, _, err = run("render", tmp_path / "s.usda", "-o", tmp_path / "p.png", "--camera", "/World/cam")
+    assert code == 2 and "it has none at all: without --camera a view that sees everything is taken" in err
+
+
+@pytest.mark.parametrize("option", ["--tool", "--mode", "--norm", "--scope"])
+def test_each_choice_of_a_stroke_is_explained(run: Callable, option: str) -> None:
+    words = " ".join(run("stroke", "--help")[1].split())
+    said = words.split(f" {option} [", 1)[1].split(" --")[0]  # choices, what they do, the default
+    assert len(said.split("]", 1)[1]) > 40, said

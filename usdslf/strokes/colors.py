@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from usdslf.color import color_of
 from usdslf.scene.records import F32, Scene
-from usdslf.textures.images import read_image, what_was_taken
+from usdslf.textures.images import declared_space, read_image, what_was_taken
 
 DISPLAY_LIMIT = 16.0
 """Most that a colour of the display may stand for [scene-linear]: display white itself would be 128."""
@@ -41,7 +41,18 @@ def paint_image(path: str, space: str | None, scene: Scene, warnings: list[str])
     warnings += [f"image {path}: {words}" for words in what_was_taken(path, known)]
     if space == "display":
         return _from_display(read_image(path, "raw", converter)[..., :3], scene, warnings)
-    return read_image(path, space or "auto", converter)[..., :3]
+    if space is None and converter.converts(found := declared_space(path)):
+        warnings.append(
+            f"image {path}: converted from {found} to {scene.working_space}; --color-space names another space"
+        )
+    pixels = read_image(path, space or "auto", converter)[..., :3]
+    is_negative = (pixels < 0).any(-1)
+    if is_negative.any():
+        warnings.append(
+            f"image {path}: {is_negative.mean():.1%} of its pixels are negative in {scene.working_space}, the least "
+            f"{pixels.min():.3g}, which no surface can look like: is its colour space the right one?"
+        )
+    return pixels
 
 
 def _from_display(values: NDArray, scene: Scene, warnings: list[str]) -> F32:

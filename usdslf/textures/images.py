@@ -75,6 +75,17 @@ def unreadable(texture: Texture, color: Color) -> list[tuple[str, str]]:
     return found
 
 
+def declared_space(path: str) -> str:
+    """Returns the colour space that an image is read in where none is asked for; "raw" where it cannot be opened."""
+    try:
+        image = open_image(path)
+    except OSError:
+        return "raw"
+    space = space_of("auto", image.spec(), file_of(path))[0]
+    image.close()
+    return space
+
+
 def what_was_taken(path: str, color_space: str) -> list[str]:
     """Returns in words what of an image was taken, and as what, where a reader may expect something else."""
     try:

@@ -80,8 +80,21 @@ class Brush:
     show_default=True,
     help="What the colour means: radiance as seen, or an albedo.",
 )
-@click.option("--tool", type=click.Choice(TOOLS), default="replace", show_default=True)
-@click.option("--mode", type=click.Choice(MODES), default="direct", show_default=True)
+@click.option(
+    "--tool",
+    type=click.Choice(TOOLS),
+    default="replace",
+    show_default=True,
+    help="What the stroke asks for: its colour; what is seen at --clone-offset; more or less light; a softer or "
+    "crisper highlight; or, fixate, that all stays as it is.",
+)
+@click.option(
+    "--mode",
+    type=click.Choice(MODES),
+    default="direct",
+    show_default=True,
+    help="direct: what is painted changes; indirect: it stays, and what its light comes from changes.",
+)
 @click.option("--strength", type=float, default=1.0, show_default=True, help="0..1; 0 asks for nothing.")
 @click.option(
     "--clone-offset",
@@ -89,8 +102,21 @@ class Brush:
     help="From the stroke to what clone copies: X,Y on the picture, in "
     "0..1 to the right and down, from where the path starts; or X,Y,Z in the world.",
 )
-@click.option("--norm", type=click.Choice(NORMS), default="mixed", show_default=True)
-@click.option("--scope", type=click.Choice(SCOPES), default="material", show_default=True)
+@click.option(
+    "--norm",
+    type=click.Choice(NORMS),
+    default="mixed",
+    show_default=True,
+    help="How many of diffuse, specular and glossiness may change: l2 all, l0 one, mixed as few as it takes.",
+)
+@click.option(
+    "--scope",
+    type=click.Choice(SCOPES),
+    default="material",
+    show_default=True,
+    help="How far the change may spread: the faces that were painted, the gprim, all that shows the material, or also "
+    "materials that are similar.",
+)
 @click.option("--size", type=Size(), help="Of the picture that was painted on, where it is not as the film.")
 @reading_options
 @gathered("placing", Placing)
