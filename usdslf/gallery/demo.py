@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from usdslf.errors import DeviceError, InputError, UsdslfError
 from usdslf.gallery import ENTRIES
+from usdslf.gallery.environment import check_environment
 from usdslf.gallery.page import Page, StepRow, index_page
 from usdslf.gallery.play import Play
 from usdslf.gallery.records import Entry
@@ -46,8 +47,14 @@ def run_demos(
     Raises: InputError for an unknown name or a bad hdri; at the end UsdslfError where an entry failed.
     """
     pages: list[Page] = []
+    chosen = chosen_entries(names, all_names)
+    if hdri:
+        check_environment(hdri)
+        if not any(e.has_environment for e in chosen):
+            lit = ", ".join(e.name for e in ENTRIES if e.has_environment)
+            yield f"--hdri {hdri} is not used: of all scenes it lights {lit}"
     options |= {"hdri": hdri, "device": device, "ocio": ocio, "say": say}
-    for entry in chosen_entries(names, all_names):
+    for entry in chosen:
         folder = Path(output) / entry.name
         yield f"{entry.name}: {folder}"
         pages.append(_played(entry, folder, options, is_first=not pages))

@@ -35,6 +35,7 @@ class Entry:
     build: Callable[[Path, str | None], Shot]  # folder, --hdri -> the shot; writes its textures into the folder
     run: Callable[[PlayLike], None]  # paints, solves and says what it shows
     elements: int = 10000
+    has_environment: bool = False  # is lit by --hdri where that is given
 
 
 @dataclass(frozen=True)

@@ -104,4 +104,5 @@ ENTRY = Entry(
     "highlight.",
     build,
     run,
+    has_environment=True,
 )
