@@ -32,6 +32,7 @@ def test_a_look_is_said_with_what_it_changes(shot_and_look: tuple[Path, Path], r
     code, out, err = run("review", *shot_and_look)
     assert code == 0, err
     assert "/World/mtl/floor: diffuse, from /SlfStrokes/stroke_0001; residual" in out and "findings: 0" in out
+    assert "/World/mtl/floor/surface.inputs:diffuseColor: (0.4, 0.4, 0.4) -> (0.6, 0.2, 0.1)" in out
     code, out, _ = run("review", *shot_and_look, "--json")
     found = json.loads(out)
     (edit,) = found["edits"]
@@ -53,6 +54,18 @@ def test_what_is_wrong_is_found_and_told_by_the_exit_code(shot_and_look: tuple[P
     assert code == 1 and {"OutOfRange", "DanglingOver"} <= names
     code, out, _ = run("review", shot, look)
     assert code == 1 and "  OutOfRange: " in out
+
+
+def test_a_look_of_another_shot_is_said(shot_and_look: tuple[Path, Path], run: Run, tmp_path: Path) -> None:
+    shot, look = shot_and_look
+    other, copy, over = (tmp_path / f"{name}.usda" for name in ("other", "copy", "over"))
+    other.write_text(shot.read_text() + "\n# another one\n")
+    copy.write_bytes(shot.read_bytes())
+    over.write_text(f"#usda 1.0\n(\n    subLayers = [@./{shot.name}@]\n    defaultPrim = \"World\"\n)\n")
+    for same in (copy, over):  # also where the shot stands below another one
+        assert run("review", same, look)[0] == 0
+    code, out, _ = run("review", other, look)
+    assert code == 1 and f"it was solved for ./{shot.name}, which is no part of this shot" in out
 
 
 def test_what_is_no_look_is_refused(shot_and_look: tuple[Path, Path], run: Run, tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 layer_data(stage, out, given, strokes, shot) -> dict     what goes to customLayerData.usdslf
 stale(look) -> list[str]                                  files that changed since, or are gone
+of_another_shot(look, stage) -> list[str]                 whether it was solved for another shot
 """
 
 from __future__ import annotations
@@ -50,6 +51,22 @@ def stale(look: Sdf.Layer) -> list[str]:
         elif data[f"{name}Hash"] != _hash(_files(path) if name == "shot" else [path]):
             found.append(f"its {name} {data[name]} changed since")
     return found
+
+
+def of_another_shot(look: Sdf.Layer, stage: Usd.Stage) -> list[str]:
+    """Returns a phrase where a look was solved for a shot that is no part of a stage; that which is gone is `stale`."""
+    data = our_data(look.customLayerData)
+    shot = str(data.get("shot", ""))
+    path = look.ComputeAbsolutePath(shot) if shot else ""
+    if not Path(path).is_file():
+        return []
+    files = _stack(stage)
+    if any(os.path.realpath(path) == os.path.realpath(f) for f in files):
+        return []
+    own = [f for f in files if os.path.realpath(f) != os.path.realpath(look.realPath)]
+    if data.get("shotHash") == _hash(own):  # a copy of it
+        return []
+    return [f"it was solved for {shot}, which is no part of this shot"]
 
 
 def _stack(stage: Usd.Stage) -> list[str]:

@@ -13,7 +13,7 @@ from typing import Any
 from pxr import Sdf, Usd
 
 from usdslf.errors import InputError
-from usdslf.usd.border import plain, reading
+from usdslf.usd.border import in_words, plain, reading
 from usdslf.usd.edited import open_edited
 from usdslf.usd.layer.hand_edits import specs_of
 from usdslf.usd.look_data import is_look, our_data, texts
@@ -79,7 +79,9 @@ def lines_of_review(found: Mapping[str, Any]) -> list[str]:
         known = "residual_after" in m
         residual = f"; residual {m['residual_before']:.3f} -> {m['residual_after']:.3f}" if known else ""
         lines.append(f"{m['prim']}: {m['inferred']}, from {', '.join(m['strokes']) or 'no stroke'}{residual}")
-    lines += [f"  {e['prim']}.{e['attribute']}: {e['before']} -> {e['after']}" for e in found["edits"]]
+    lines += [
+        f"  {e['prim']}.{e['attribute']}: {in_words(e['before'])} -> {in_words(e['after'])}" for e in found["edits"]
+    ]
     lines.append(f"findings: {len(found['findings'])}")
     return lines + [f"  {f['name']}: {f['message']}" for f in found["findings"]]
 

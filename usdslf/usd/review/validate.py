@@ -12,7 +12,7 @@ UnknownColorSpace a colour space that OpenColorIO does not know
 MissingTarget     a connection, binding, inherit or painted surface that leads nowhere
 MissingFile       a texture that is not there
 AbsolutePath      a path that holds on one machine only
-StaleLook         the shot or the strokes changed since the look was solved
+StaleLook         the shot or the strokes changed since the look was solved, or it was solved for another shot
 MovedStroke       the surface is not where it was painted; the stroke follows it
 BadStroke         a stroke that cannot be meant
 """
@@ -34,7 +34,7 @@ from usdslf.usd.arcs import inherited_classes
 from usdslf.usd.binding import bound_relationship
 from usdslf.usd.border import reading
 from usdslf.usd.files import assets_of
-from usdslf.usd.layer.provenance import stale
+from usdslf.usd.layer.provenance import of_another_shot, stale
 from usdslf.usd.layer.wins import why_hidden
 from usdslf.usd.look_data import is_look, our_data
 from usdslf.usd.read.read import read_scene
@@ -133,7 +133,7 @@ class _Look:
 
     def findings(self) -> Iterator[Finding]:
         """Yields what is wrong."""
-        for phrase in stale(self.layer):
+        for phrase in (*stale(self.layer), *of_another_shot(self.layer, self.stage)):
             yield self._finding("StaleLook", "/", f"{self.file} may not fit: {phrase}: solve it again.")
         space = our_data(self.layer.customLayerData).get("workingSpace", "")
         if space and not self.color.knows(str(space)):
