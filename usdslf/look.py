@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from usdslf.color import Color, color_of
 from usdslf.edits.edits import MaterialChange
-from usdslf.edits.read_back import why_missing
+from usdslf.edits.read_back import Missing, why_missing
 from usdslf.elements.elements import refresh_reflectance
 from usdslf.errors import AuthorError
 from usdslf.inference.answer_residuals import residual_as_written
@@ -30,17 +30,19 @@ from usdslf.inference.changes import with_varying
 from usdslf.light_field.light_field import Surface
 from usdslf.progress import step, tell
 from usdslf.render.picture import LitScene, PictureOptions, render_bands
-from usdslf.scene.records import Camera
+from usdslf.scene.records import Camera, Scene
 from usdslf.shot import Shot, converge
 from usdslf.solution import Solution
 from usdslf.stylize.changes import with_styles
 from usdslf.surfaces.reflectance import model_of
-from usdslf.usd.author.author import author_look, author_review_root, check_look_place
-from usdslf.usd.author.read_back import kept_unless_whole, scene_under
+from usdslf.usd.author.author import Instead, author_look, author_review_root, check_look_place
+from usdslf.usd.author.read_back import kept_unless_whole, scene_under, stage_under
 from usdslf.usd.layer.baked_files import textures_folder
 from usdslf.usd.layer.wins import AuthoredEdit
 
 MUCH_WORSE = 1.5  # times the residual, where a look falls short of what was found
+# Where a change as it is usually written does not show: other ways, those that keep more first.
+OTHER_WAYS = (Instead(True, False), Instead(False, True), Instead(True, True))
 PathLike = str | os.PathLike[str]
 
 
@@ -53,6 +55,7 @@ class Look:
         edits: what was written, each with what hides and what shows it.
         solution: what it is of, without what was not worth while as it can be written.
         as_written: residuals of answers that vary, as the look shows them.
+        not_shown: sentences: what was asked for and the shot hides.
         warnings: sentences.
         seconds: by step.
     """
@@ -61,6 +64,7 @@ class Look:
     edits: tuple[AuthoredEdit, ...]
     solution: Solution
     as_written: Mapping[Pool, float] = field(default_factory=dict)
+    not_shown: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
     seconds: Mapping[str, float] = field(default_factory=dict)
 
@@ -70,6 +74,9 @@ def author(
     review_root: PathLike | None = None, mode: str = "",
 ) -> Look:  # fmt: skip
     """Writes a Solution as a look layer, and on request a review root over look, strokes and shot.
+
+    What it says is read back.  A change that does not show is written another way, which is said; where none shows and
+    something stronger hides it, the look is written all the same and `not_shown` says so.
 
     Args:
         shot: that the Solution is of; its files are not changed.
@@ -82,15 +89,16 @@ def author(
 
     Returns: the Look.
 
-    Raises: AuthorError where it cannot be written.
+    Raises: AuthorError where it cannot be written, or nothing hides it and yet no way of writing it shows.
     """
     said: list[str] = []
     seconds: dict[str, float] = {}
+    target = _Target(shot, path, strokes_path, mode)
     if not model_of(shot.model).is_authored:
         said.append(_of_phong(solution))
     while True:
-        edits = _write(shot, solution, path, strokes_path, review_root, mode, said, seconds)
-        _say(said, *(f"{e.prim}.{e.attribute} is hidden by {e.hidden_by}: {e.mend}" for e in edits if not e.wins))
+        edits, not_shown = _write(target, solution, review_root, said, seconds)
+        _say(said, *not_shown)
         solution, as_written = _read_back(shot, solution, path, edits, said, seconds)
         worse = [s for s in solution.stylized.styles if s.is_worse_as_written] if solution.stylized else []
         if not worse or solution.stylized is None:
@@ -104,8 +112,9 @@ def author(
             )
         solution = replace(solution, stylized=solution.stylized.without(worse))
     return Look(
-        os.fspath(path), tuple(edits), solution, MappingProxyType(as_written), tuple(said), MappingProxyType(seconds)
-    )
+        os.fspath(path), tuple(edits), solution, MappingProxyType(as_written), tuple(not_shown), tuple(said),
+        MappingProxyType(seconds),
+    )  # fmt: skip
 
 
 def render_shot(
@@ -143,47 +152,106 @@ def _say(said: list[str], *sentences: str) -> None:
     said.extend(s for s in dict.fromkeys(sentences) if s not in said)
 
 
+@dataclass(frozen=True)
+class _Target:
+    """What a look is of, and where it goes."""
+
+    shot: Shot
+    path: PathLike
+    strokes_path: PathLike | None
+    mode: str
+
+    def provenance(self, solution: Solution) -> dict[str, Any]:
+        """What the layer says of where it comes from."""
+        shot, color = self.shot, self.color
+        return {
+            "version": _version(),
+            "ocioConfig": color.config_name,
+            "workingSpace": shot.scene.working_space,
+            "device": shot.device.name,
+            "solve": _how(shot, solution),
+            **({"frame": shot.scene.frame} if np.isfinite(shot.scene.frame) else {}),
+        }
+
+    @property
+    def color(self) -> Color:
+        """Of the shot."""
+        return color_of(self.shot.ocio, self.shot.scene.working_space)
+
+
+@dataclass(frozen=True)
+class _Try:
+    """A look as it was written, and read back."""
+
+    edits: list[AuthoredEdit]
+    missing: list[Missing]
+    said: list[str]
+    instead: dict[str, Instead]  # by material: how it was written otherwise than usual
+
+    @property
+    def materials(self) -> set[str]:
+        """Whose change is not shown."""
+        return {m.material for m in self.missing}
+
+
 def _write(
-    shot: Shot, solution: Solution, path: PathLike, strokes_path: PathLike | None, review_root: PathLike | None,
-    mode: str, said: list[str], seconds: dict[str, float],
-) -> list[AuthoredEdit]:  # fmt: skip
-    """Writes textures, look and review root."""
-    color = color_of(shot.ocio, shot.scene.working_space)
-    provenance = {
-        "version": _version(),
-        "ocioConfig": color.config_name,
-        "workingSpace": shot.scene.working_space,
-        "device": shot.device.name,
-        "solve": _how(shot, solution),
-        **({"frame": shot.scene.frame} if np.isfinite(shot.scene.frame) else {}),
-    }
+    target: _Target, solution: Solution, review_root: PathLike | None, said: list[str], seconds: dict[str, float]
+) -> tuple[list[AuthoredEdit], list[str]]:
+    """Writes textures, look and review root, as they show; returns also what does not, in words."""
+    shot, path = target.shot, target.path
     check_look_place(shot.source, path)
-    with step("author", seconds), kept_unless_whole(path):
-        changes = _with_textures(shot, solution, solution.changes(shot, mode), path, color, said)
-        tell()
-        edits = author_look(
-            shot.source, changes, path, provenance, strokes_path, warnings=said, color=color, mode=mode, made=shot.made,
-            frame=shot.scene.frame,
-        )  # fmt: skip
-        tell()
-        _require_shown(shot, solution, path, edits, said)
+    with step("author", seconds), kept_unless_whole(path, said):
+        found = _as_shown(target, solution)
+        hidden = [f"{e.prim}.{e.attribute} is hidden by {e.hidden_by}: {e.mend}" for e in found.edits if not e.wins]
+        if found.missing and not hidden:
+            why = found.missing[0].sentence
+            raise AuthorError(f"{why}; nothing is written to {path}: solve with --scope prim or --mode new")
+        _say(said, *found.said)
+        for material, instead in found.instead.items():
+            _say(said, f"the change of {material} is written as {instead}: as it is usually written it does not show")
         if review_root is not None:
-            author_review_root(review_root, path, strokes_path, shot.source.GetRootLayer().realPath)
-    return edits
+            author_review_root(review_root, path, target.strokes_path, shot.source.GetRootLayer().realPath)
+    return found.edits, [*hidden, *(m.sentence for m in found.missing)]
 
 
-def _require_shown(
-    shot: Shot, solution: Solution, look: PathLike, edits: list[AuthoredEdit], said: list[str]
-) -> None:
-    """Reads the look back at what was painted; what it does not show is said, or refused where nothing hides it."""
-    asked = asked_of(list(solution.answers), list(solution.painted), shot.scene)
+def _as_shown(target: _Target, solution: Solution) -> _Try:
+    """Writes the look; what it does not show, another way, unless a person hid it or the way was asked for."""
+    found = last = _try(target, solution, {})
+    for instead in OTHER_WAYS if not target.mode else ():
+        again = found.materials - _hidden_by_hand(target.shot.scene, found)
+        if not again:
+            break
+        try:
+            last = _try(target, solution, {**found.instead, **dict.fromkeys(again, instead)})
+        except AuthorError:
+            continue  # there is no such way
+        found = last if last.materials < found.materials else found
+    return found if found is last else _try(target, solution, found.instead)
+
+
+def _try(target: _Target, solution: Solution, instead: dict[str, Instead]) -> _Try:
+    """Writes a look and reads it back."""
+    shot, said = target.shot, list[str]()
+    changes = _with_textures(shot, solution, solution.changes(shot, target.mode), target.path, target.color, said)
+    tell()
+    edits = author_look(
+        shot.source, changes, target.path, target.provenance(solution), target.strokes_path, warnings=said,
+        color=target.color, mode=target.mode, made=shot.made, frame=shot.scene.frame, instead=instead,
+        keeps_textures=True,
+    )  # fmt: skip
+    tell()
+    asked = asked_of(list(solution.answers), list(solution.painted), shot.scene, shot.light_field, target.mode)
     if not asked:
-        return
-    under = scene_under(shot.source, look, shot.frame, shot.refine, shot.ocio)
-    missing = why_missing(asked, shot.scene, under)
-    if missing and all(e.wins for e in edits):
-        raise AuthorError(f"{missing[0]}; nothing is written to {look}: solve with --scope prim or --mode new")
-    _say(said, *missing)
+        return _Try(edits, [], said, instead)
+    under = scene_under(shot.source, target.path, shot.frame, shot.refine, shot.ocio)
+    return _Try(edits, why_missing(asked, shot.scene, under), said, instead)
+
+
+def _hidden_by_hand(scene: Scene, found: _Try) -> set[str]:
+    """The materials whose change is hidden by what a person wrote into the look, which is what that person wants."""
+    by_hand = [e for e in found.edits if e.is_hidden_by_hand]
+    shown = {m.path: (m.path, *scene.shown_on(i)) for i, m in enumerate(scene.materials)}
+    return {m for m in found.materials if any(e.shown_at.startswith(shown[m]) for e in by_hand)}
 
 
 def _with_textures(
@@ -207,20 +275,20 @@ def _read_back(
     """Looks at what a look shows where textures or points hold a change: they do only so well."""
     has_texture = any(e.representation == "texture" for e in edits)
     varying = [a for a in solution.answers if a.varying or (has_texture and a.chosen.freed and not a.others)]
-    if not (varying or solution.stylized) or not shot.source.GetRootLayer().realPath:
-        return solution, {}  # a shot in memory alone is in no look's reach
-    other = shot.edited(look)
-    if len(other.scene.triangles.mesh) != len(shot.scene.triangles.mesh):
+    if not (varying or solution.stylized):
+        return solution, {}
+    under = shot.reopened(stage_under(shot.source, look)).scene
+    if len(under.triangles.mesh) != len(shot.scene.triangles.mesh):
         return solution, {}
     as_written: dict[Pool, float] = {}
     field = shot.light_field
     with step("author", seconds):
-        field = field.with_surface(Surface.of(refresh_reflectance(shot.elements, shot.scene, other.scene)))
+        field = field.with_surface(Surface.of(refresh_reflectance(shot.elements, shot.scene, under)))
         converge(field, shot.bounces)
         if solution.stylized:
             solution = replace(solution, stylized=solution.stylized.as_written(field))
         for a in varying:
-            residual = residual_as_written(a, other.scene, list(solution.painted), field)
+            residual = residual_as_written(a, under, list(solution.painted), field)
             as_written[a.pool] = residual
             if residual > MUCH_WORSE * max(a.residual_after, 0.02):
                 _say(

@@ -78,3 +78,6 @@ def write_look(
         write_json(files.report, found)
     warn(session.warnings, settings.quiet)
     click.echo("\n".join([*lines_of_report(found), files.output]))
+    if session.look and (unseen := session.look.not_shown):
+        more = f" (and {len(unseen) - 1} more, see the warnings)" if len(unseen) > 1 else ""
+        raise AuthorError(f"{files.output} is written, but the shot does not show all of it: {unseen[0]}{more}")

@@ -1,7 +1,7 @@
 """Is what was solved there?  Reflectance at the painted places, as a look shows it, against what was asked for.
 
     Asked(material, triangle, barycentric, before, after, freed)     one answer at its painted samples
-    why_missing(asked, before, shown) -> list[str]                   a sentence for each that is not there
+    why_missing(asked, before, shown) -> list[Missing]               what is not there, in words
 
 An opinion that resolves may still be one that nothing shows: a fallback that no gprim falls back to, a node that
 is replaced at the frame.  So what counts is what the whole reading path gives.  No light is needed.
@@ -36,8 +36,16 @@ class Asked:
     freed: tuple[str, ...]  # diffuse | specular | glossiness
 
 
-def why_missing(asked: Iterable[Asked], before: Scene, shown: Scene) -> list[str]:
-    """Returns a sentence for each answer that the shot with its look does not show.
+@dataclass(frozen=True)
+class Missing:
+    """A change that was asked for and is not shown."""
+
+    material: str  # path
+    sentence: str
+
+
+def why_missing(asked: Iterable[Asked], before: Scene, shown: Scene) -> list[Missing]:
+    """Returns a record for each answer, and each parameter of it, that the shot with its look does not show.
 
     Args:
         before: the shot.
@@ -55,10 +63,11 @@ def why_missing(asked: Iterable[Asked], before: Scene, shown: Scene) -> list[str
             wanted = np.clip(_of(each.after, field), 0, 1) - np.clip(_of(each.before, field), 0, 1)
             got = np.mean(getattr(new, field), axis=0) - np.mean(getattr(old, field), axis=0)
             if np.abs(wanted).max() > NOTICED and np.sum(got * wanted) < ARRIVED * np.sum(wanted**2):
-                out.append(
+                sentence = (
                     f"the change of {name} of {each.material} cannot be written so that the shot shows it at what was "
                     f"painted: wanted is {_words(wanted)}, the look gives {_words(got)}"
                 )
+                out.append(Missing(each.material, sentence))
     return out
 
 

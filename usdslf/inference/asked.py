@@ -1,6 +1,6 @@
 """What answers ask of the places that were painted: to be compared with what a look shows there.
 
-    asked_of(answers, painted, scene) -> list[Asked]     one for each answer that changes something
+    asked_of(answers, painted, scene, elements, field) -> list[Asked]     one for each material that changes
 """
 
 from __future__ import annotations
@@ -11,18 +11,25 @@ import numpy as np
 
 from usdslf.edits.edits import Reflectance
 from usdslf.edits.read_back import Asked
-from usdslf.inference.answers import Answer, Painted
+from usdslf.inference.answers import Answer, Painted, alike_means
+from usdslf.light_field.light_field import LightField
 from usdslf.scene.records import Scene
 
 PLACES = 256  # that are looked at where the changed material is not the painted one
 
 
-def asked_of(answers: Sequence[Answer], painted: Sequence[Painted], scene: Scene) -> list[Asked]:
+def asked_of(
+    answers: Sequence[Answer], painted: Sequence[Painted], scene: Scene, field: LightField, mode: str = ""
+) -> list[Asked]:  # fmt: skip
     """Returns what each answer asks: at the painted samples of its material, else anywhere on that.
+
+    What is similar to the painted material asks for the change that goes on to it.
 
     Args:
         painted: the strokes with their samples, numbered as by the pools of the answers.
         scene: the shot.
+        field: with the reflectance of before.
+        mode: of writing; `new` is of painted gprims only.
     """
     out = []
     table = scene.triangles
@@ -41,4 +48,16 @@ def asked_of(answers: Sequence[Answer], painted: Sequence[Painted], scene: Scene
         before, after = Reflectance.of(a.before), Reflectance.of(a.after)
         path = scene.materials[a.pool.material].path
         out.append(Asked(path, triangle, at, before, after, a.chosen.freed))
+        similar = () if mode == "new" else (*a.pool.alike, *a.pool.partly)
+        out += [_of_similar(a, m, scene, field) for m in similar]
     return out
+
+
+def _of_similar(answer: Answer, material: int, scene: Scene, field: LightField) -> Asked:
+    """What an answer asks of a material that is similar to the painted one: at its elements."""
+    elements = field.elements
+    rows = np.flatnonzero(elements.material == material)
+    rows = rows[np.linspace(0, len(rows) - 1, min(PLACES, len(rows))).astype(int)]
+    before, after = (Reflectance.of(means) for means in alike_means(answer, material, field))
+    at = elements.triangle[rows], elements.barycentric[rows]
+    return Asked(scene.materials[material].path, *at, before, after, answer.chosen.freed)

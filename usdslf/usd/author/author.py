@@ -18,7 +18,7 @@ import math
 import os
 from collections.abc import Mapping, Sequence
 from copy import copy
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
@@ -46,6 +46,18 @@ if TYPE_CHECKING:
     from usdslf.color import Color
 
 
+@dataclass(frozen=True)
+class Instead:
+    """Another way to write the change of a material."""
+
+    is_new: bool  # to a new material for all that would change, whatever its scope
+    is_constant: bool  # as one value for an input, cut off from what drives it
+
+    def __str__(self) -> str:
+        ways = ("a new material", self.is_new), ("constants, cut off from what drives them", self.is_constant)
+        return " with ".join(words for words, is_so in ways if is_so)
+
+
 class How(TypedDict, total=False):
     """How a look is written."""
 
@@ -53,6 +65,8 @@ class How(TypedDict, total=False):
     mode: str  # "" | override | new | class: which prims take the edits, see material_writer.py
     made: PreviewMaterials | None  # new materials that the edits may be of; those that are edited go into the look
     frame: float  # at which the edits were solved: what is animated is taken as it is there; nan: default time
+    instead: Mapping[str, Instead]  # by material: another way than usual, where that does not show
+    keeps_textures: bool  # those that the look no longer names are not deleted: this may not be the last try
 
 
 def author_look(
@@ -104,7 +118,11 @@ def _author(
         if not inputs:
             continue
         first = len(written)
-        writer = ChangeWriter(look, change, out.parent, said, color, mode)
+        instead = how.get("instead", {}).get(change.material.path)
+        writer = ChangeWriter(
+            look, change, out.parent, said, color, "new" if instead and instead.is_new else mode
+        )
+        writer.is_constant = instead is not None and instead.is_constant
         written += [e for edit in inputs for e in writer.write(edit)]
         if len(written) > first:
             writer.write_provenance()
@@ -123,9 +141,11 @@ def _author(
     _say_what_is_kept(by_hand, lost, out, said)
     why = f"what was changed by hand in {out.name}"
     mend = f"remove it from {out.name}, then solve again"
-    written = [replace(e, hidden_by=why, mend=mend) if _place(e) in lost else e for e in written]
+    by: dict[str, Any] = {"hidden_by": why, "mend": mend, "is_hidden_by_hand": True}
+    written = [replace(e, **by) if _place(e) in lost else e for e in written]
     write_layer(layer, out)
-    said += drop_unused(earlier, layer, out) if earlier else []
+    if earlier and not how.get("keeps_textures", False):
+        said += drop_unused(earlier, layer, out)
     for (at, group, chosen), path in look.variants.items():
         said.append(f"{path} is edited in the variant {group}={chosen} of {at} only: other variants stay.")
     review = compose_over(stage, layer)

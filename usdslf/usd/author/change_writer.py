@@ -47,8 +47,13 @@ Names = Sdf.ValueTypeNames
 class ChangeWriter(MaterialWriter):
     """Writes the inputs of one change."""
 
+    is_constant = False  # whether inputs become constants, cut off from what drives them
+
     def write(self, edit: InputEdit) -> list[AuthoredEdit]:
         """Writes one input; what came of it."""
+        if self.is_constant:
+            plain_ = dataclasses.replace(edit, representation="constant", source="", baked=None, by_vertex=None)
+            return self._put_constant(plain_)
         if edit.representation == "texture":
             return self._use_baked(edit)
         if edit.representation == "scale":
@@ -57,20 +62,28 @@ class ChangeWriter(MaterialWriter):
             return self._put_vertices(edit)
         if edit.representation == "primvar":
             return self._map_primvar(edit)
+        return self._put_constant(edit)
+
+    def _put_constant(self, edit: InputEdit) -> list[AuthoredEdit]:
+        """Writes one value, where the input takes its value from if that is one."""
         attribute, path, others = input_place(self.shader, edit.input)
+        own = self.shader.GetPath().AppendProperty(f"inputs:{edit.input}")
+        is_computed = False
+        is_cut = path != own and (self.is_constant or self._is_foreign(path.GetPrimPath()))
+        if attribute is not None and UsdShade.Output.IsOutput(attribute) and self.is_constant:
+            self.said.append(f"{own} is cut off from {attribute.GetPath()} and becomes a constant.")
+            attribute, path, is_cut, is_computed = self.look.stage.GetAttributeAtPath(own), own, True, True
         if attribute is not None and UsdShade.Output.IsOutput(attribute):
             why = f"{attribute.GetPath()} drives it, which usdslf cannot change"
             self.said.append(f"{path} stays as it is: {why}.")
             at = str(path.GetPrimPath())
             mend = f"connect {path} to a UsdUVTexture or a UsdPrimvarReader, or to nothing"
             return [AuthoredEdit(at, path.name, edit.before, edit.after, "constant", False, why, str(path), mend)]
-        own = self.shader.GetPath().AppendProperty(f"inputs:{edit.input}")
-        is_cut = path != own and self._is_foreign(path.GetPrimPath())
         if others and not is_cut:
             self.said.append(f"{path} also drives {', '.join(others)}, which change with it.")
         kind = attribute.GetTypeName() if attribute is not None else NEW_TYPES[edit.input]
         after = as_attribute(edit.after, kind, attribute, self.color)
-        before = attribute.Get(self.look.time) if attribute is not None else None
+        before = attribute.Get(self.look.time) if attribute is not None and not is_computed else None
         before = as_attribute(edit.before, kind, None, None) if before is None else before
         written = self._put(own if is_cut else path, kind, before, after, "constant")
         if written and is_cut:  # others show what it takes its value from

@@ -33,6 +33,7 @@ class AuthoredEdit:
     shown_at: str = ""  # composed path of the attribute; differs from `prim` for instances
     mend: str = ""  # what would make it win, if it does not
     affects: tuple[str, ...] = ()  # gprims and GeomSubsets that show it; none if it does not win
+    is_hidden_by_hand: bool = False  # by what a person wrote into the look
 
 
 def compose_over(stage: Usd.Stage, layer: Sdf.Layer) -> Usd.Stage:
