@@ -23,6 +23,7 @@ from usdslf.elements.lookup import DeviceLookup, ElementLookup
 from usdslf.gpu.device import Device
 from usdslf.light_field.links import follow_links, link_rays
 from usdslf.light_field.preconvolution import LevelKernel, build_level, fresnel_diffuse
+from usdslf.light_field.symmetry import QUARTER, blocks_of
 from usdslf.light_field.visibility import Visibility
 from usdslf.progress import tell
 from usdslf.sampling.hemisphere import D, bin_directions
@@ -77,7 +78,9 @@ class _Scratch:
 
     next_d: Any  # (N, D, 3)
     light_d: Any  # (CHUNK_BLOCKS, D, 3, LANES)
-    coarse_d: Any
+    coarse_d: Any  # (CHUNK_BLOCKS, D / 4, 3, LANES)
+    folded_d: Any  # the same in the basis of symmetry.py
+    answer_d: Any  # (CHUNK_BLOCKS, D / 4, Y A B, 3, LANES) in that basis
     e_pi_d: Any
     difference_d: Any  # (N, 2)
 
@@ -87,6 +90,8 @@ class _Scratch:
             device.empty((n, D, 3), np.float32),
             device.empty((CHUNK_BLOCKS, D, 3, LANES), np.float32),
             device.empty((CHUNK_BLOCKS, D // 4, 3, LANES), np.float32),
+            device.empty((CHUNK_BLOCKS, D // 4, 3, LANES), np.float32),
+            device.empty((CHUNK_BLOCKS, D // 4, 9, LANES), np.float32),
             device.empty((CHUNK_BLOCKS, 3, LANES), np.float32),
             device.empty((n, 2), np.float32),
         )
@@ -125,6 +130,7 @@ class LightField:
         self.cosine_d = device.upload((z / z.sum()).astype(np.float32))
         y, y_scale = fresnel_diffuse(device, model)
         self.y_d, self.y_scale_d = device.upload(y), device.upload(y_scale)
+        self.folded_y_d = device.upload(blocks_of(y))
         self._levels: dict[float, tuple[LevelKernel, dict[str, Any]]] = {}
         self.surface = Surface.of(elements)
         self._blocks: list[_Blocks] = []
@@ -206,6 +212,8 @@ class LightField:
         if roughness not in self._levels:
             level = build_level(self.device, self.model, roughness)
             arrays = {k: self.device.upload(v) for k, v in vars(level).items() if v is not None}
+            if level.coarse:
+                arrays |= {f"folded_{k}": self.device.upload(blocks_of(getattr(level, k))) for k in "ab"}
             self._levels[roughness] = (level, arrays)
         return self._levels[roughness]
 
@@ -256,10 +264,15 @@ class LightField:
                 )
                 kernel("coarsen", LOBE=0)((D // 4, count), (64, 1), scratch.light_d, scratch.coarse_d)
                 kernel("irradiance", LOBE=0)((3, count), None, scratch.light_d, self.cosine_d, scratch.e_pi_d)
-                lobe = (w["a"], w["b"], self.y_scale_d, w["fine_scale"] if level.coarse else self.y_scale_d)
-                kernel("reflect_coarse", LOBE=int(level.coarse))(
-                    (D // 4, count), (64, 1), scratch.coarse_d, scratch.e_pi_d, self.y_d, *lobe,
-                    blocks.parameters_d, blocks.order_d, at, scratch.next_d,
+                kernel("fold", LOBE=0)((QUARTER, count), (64, 1), scratch.coarse_d, scratch.folded_d)
+                rough, fold_y = int(level.coarse), self.folded_y_d
+                kernel("reflect_folded", LOBE=rough)(
+                    (D // 4, count), (64, 1), scratch.folded_d, fold_y, w.get("folded_a", fold_y),
+                    w.get("folded_b", fold_y), scratch.answer_d,
+                )  # fmt: skip
+                kernel("unfold", LOBE=rough)(
+                    (QUARTER, count), (64, 1), scratch.answer_d, scratch.e_pi_d, self.y_scale_d,
+                    w.get("fine_scale", self.y_scale_d), blocks.parameters_d, blocks.order_d, at, scratch.next_d,
                 )  # fmt: skip
                 if not level.coarse:
                     kernel("reflect_sharp", LOBE=0)(
