@@ -54,6 +54,7 @@ class Baked:
     wrap_t: str
     uv_set: str
     texels: int  # how many changed, without the rim
+    like: str = ""  # prim of the texture that a new node has its coordinates from; "": reads uv_set as it is
 
 
 def bake_texture(
@@ -145,7 +146,7 @@ class _Making:
         self.sums += _add(pixels, change / self.gain, hits > 0, used, self.at, wraps)
         temporary = beside(self.place.parent / f"{self.place.name}.{tile}.exr")
         self.written.append((tile, temporary))
-        _write(temporary, pixels, self.space, wraps)
+        write_texels(temporary, pixels, self.space, wraps)
         self.digest.update(f"{tile} {pixels.shape} {wraps} {self.space}".encode())
         self.digest.update(np.ascontiguousarray(pixels).data)
 
@@ -292,7 +293,7 @@ def _add(
     return sums
 
 
-def _write(path: Path, pixels: NDArray[np.float16], space: str, wraps: tuple[str, str]) -> None:
+def write_texels(path: Path, pixels: NDArray[np.float16], space: str, wraps: tuple[str, str]) -> None:
     """Writes a tiled EXR with mip maps; the same texels give the same bytes."""
     height, width, count = pixels.shape
     source = oiio.ImageBuf(oiio.ImageSpec(width, height, count, oiio.HALF))

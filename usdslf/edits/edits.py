@@ -7,9 +7,10 @@
     inferred(freed) -> str                                            "diffuse+glossiness", "none"
 
 The workflow rule: useSpecularWorkflow stays 0 while diffuseColor, metallic, roughness and ior can say the
-change; else the whole equivalent set of the specular workflow is written (workflow.py).  An input that a
-texture or primvar drives keeps its detail: the change is an affine map value * scale + bias that takes the
-mean to what was solved and 0..1 into 0..1.
+change; else the whole equivalent set of the specular workflow is written (preview_surface.py), as constants where F0
+is one, else as textures (whole_set.py).  An input that a texture or primvar drives keeps its detail: the change is an
+affine map value * scale + bias that takes the mean to what was solved and 0..1 into 0..1.  A metallic that is driven
+keeps its meaning: what is metal stays metal.
 """
 
 from __future__ import annotations
@@ -21,9 +22,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from usdslf.edits.moves import DARK, NAMES, Move
 from usdslf.errors import AuthorError
 from usdslf.scene.records import F64, Input, Material, PrimvarInput, Texture
 from usdslf.surfaces.preview_surface import SurfaceInputs, error_of, inputs_for, reflectance_of
+from usdslf.surfaces.reflectance import NO_DIFFUSE
 from usdslf.surfaces.surface_points import MIN_ROUGHNESS
 
 if TYPE_CHECKING:
@@ -32,8 +35,8 @@ if TYPE_CHECKING:
 FREED = ("diffuse", "specular", "glossiness")
 # Of the reflectance: constants are met exactly or not at all; through a textured metallic only means are.
 TOLERANCE, TOLERANCE_TEXTURED = 0.005, 0.03
+_OF_REFLECTANCE = {"diffuse": "diffuse", "specular": "f0", "glossiness": "roughness"}  # freed -> its field
 SAME = 1e-5  # a change below this is none
-DARK = 0.002  # half an 8 bit step: nothing times a scale stays nothing
 Value = tuple[float, ...] | float | int
 
 
@@ -76,10 +79,10 @@ class MaterialChange:
     # What is not needed, but makes the edit of a textured input more exact.  By input name:
     means: Mapping[str, ArrayLike] = field(default_factory=dict)  # mean over the painted area
     highest: Mapping[str, float] = field(default_factory=dict)  # highest value of any channel
-    baked: Mapping[str, Baked] = field(
-        default_factory=dict
-    )  # by input name: instead of one value for all points
+    baked: Mapping[str, Baked] = field(default_factory=dict)  # by input name: instead of one value for all points
     by_vertex: Mapping[str, ByVertex] = field(default_factory=dict)  # by input name, where there are no coordinates
+    values: Mapping[str, float] = field(default_factory=dict)  # constants that go with a whole set of textures
+    moves: Mapping[str, Move] = field(default_factory=dict)  # what is meant by parameter, where means do not say it
     map: str = "auto"  # of textured inputs: auto | add (a bias) | multiply (a scale)
     residual_before: float = float("nan")
     residual_after: float = float("nan")
@@ -107,6 +110,15 @@ def inferred(freed: tuple[str, ...]) -> str:
     return "+".join(name for name in FREED if name in freed) or "none"
 
 
+def moves_of(change: MaterialChange) -> dict[str, Move]:
+    """Returns what a change means to move, by parameter: what it says itself, else as its means do."""
+    found = {}
+    for name in change.freed:
+        before, after = (np.atleast_1d(getattr(r, _OF_REFLECTANCE[name])) for r in (change.before, change.after))
+        found[NAMES[name]] = Move.of(before, np.clip(after, 0, 1), change.map == "multiply")
+    return found | dict(change.moves)
+
+
 def material_change_to_input_edits(change: MaterialChange) -> list[InputEdit]:
     """Says a solved change in the inputs of its UsdPreviewSurface; nothing for an input that stays as it is.
 
@@ -121,7 +133,7 @@ def material_change_to_input_edits(change: MaterialChange) -> list[InputEdit]:
     wanted = change.after
     if not np.isfinite([*wanted.diffuse, *wanted.f0, wanted.roughness]).all():
         raise AuthorError(f"the change of {m.path} is not finite: solve again with fewer strokes")
-    before, opacity = _inputs_before(change)
+    before, opacity = inputs_before(change)
     d, f0 = reflectance_of(before)
     textured = any(_is_driven(v) for v in (m.diffuse_color, m.metallic, m.ior, m.specular_color))
     if "diffuse" in change.freed:
@@ -134,7 +146,11 @@ def material_change_to_input_edits(change: MaterialChange) -> list[InputEdit]:
     if {"diffuse", "specular"} & set(change.freed):
         coated = not isinstance(m.clearcoat, np.ndarray) or float(m.clearcoat[0]) > 0
         tolerance = TOLERANCE_TEXTURED if _is_driven(m.metallic) else TOLERANCE
-        after = inputs_for(before, d, f0, tolerance, ior_is_free=not coated)
+        becomes_metal = "diffuse" in change.freed and d.max() < NO_DIFFUSE  # all of it
+        is_free = becomes_metal or not _is_driven(m.metallic)
+        after = inputs_for(before, d, f0, tolerance, ior_is_free=not coated, metallic_is_free=is_free)
+        if after.use_specular_workflow != before.use_specular_workflow and not _says_specular(change):
+            _require_no_map_of_f0(change)
 
     edits = []
     if after.use_specular_workflow != before.use_specular_workflow:
@@ -156,6 +172,20 @@ def material_change_to_input_edits(change: MaterialChange) -> list[InputEdit]:
     return _beside_varying(change, edits) + _baked_edits(change) + _vertex_edits(change)
 
 
+def _says_specular(change: MaterialChange) -> bool:
+    return bool({"specularColor", "diffuseColor"} & {*change.baked, *change.by_vertex})
+
+
+def _require_no_map_of_f0(change: MaterialChange) -> None:
+    """Raises AuthorError where one specularColor would take the place of what maps say of F0."""
+    m = change.material
+    if _is_driven(m.metallic) or _is_driven(m.ior):
+        raise AuthorError(
+            f"{m.path} stays: its specular colour would have to be one constant, and the maps that say what is metal "
+            "would lose their meaning: choose another explanation (solve --choose)"
+        )
+
+
 def _carried_over(change: MaterialChange, d: F64, opacity: float) -> F64:
     """The diffuse reflectance of the mean inputs after a change: a scale of the texture is the same factor on both."""
     before, after = change.before.diffuse, change.after.diffuse
@@ -169,6 +199,8 @@ def _beside_varying(change: MaterialChange, edits: list[InputEdit]) -> list[Inpu
     varies = {*change.baked, *change.by_vertex}
     kept = [e for e in edits if e.input not in varies]
     m = change.material
+    if any(b.like for b in change.baked.values()):  # they say all of the colours
+        return [*(e for e in kept if e.input == "roughness"), *_beside_whole_set(change)]
     if not {"ior", "specularColor"} & varies or m.use_specular_workflow:
         return kept
     says_mean = {"ior", "metallic", "useSpecularWorkflow", "specularColor"}
@@ -177,6 +209,17 @@ def _beside_varying(change: MaterialChange, edits: list[InputEdit]) -> list[Inpu
     if "specularColor" in varies:
         kept.append(InputEdit(m.path, "useSpecularWorkflow", 0, 1, "constant"))
     return kept
+
+
+def _beside_whole_set(change: MaterialChange) -> list[InputEdit]:
+    """The constants that go with textures which say the colours of a material as one."""
+    m = change.material
+    edits = []
+    if "specularColor" in change.baked and not m.use_specular_workflow:
+        edits.append(InputEdit(m.path, "useSpecularWorkflow", 0, 1, "constant"))
+    for name, value in change.values.items():
+        edits += _edit(change, name, getattr(m, name), getattr(m, name), np.array([value]))
+    return edits
 
 
 def _vertex_edits(change: MaterialChange) -> list[InputEdit]:
@@ -195,7 +238,7 @@ def _baked_edits(change: MaterialChange) -> list[InputEdit]:
     edits = []
     for name, baked in sorted(change.baked.items()):
         drives = getattr(change.material, fields.get(name, name))
-        source = drives.prim if isinstance(drives, Texture) else ""
+        source = drives.prim if isinstance(drives, Texture) and not baked.like else ""
         before, after = _plain(np.array(baked.before)), _plain(np.array(baked.after))
         path = change.material.path
         edits.append(InputEdit(path, name, before, after, "texture", source, baked.channels, baked=baked))
@@ -241,7 +284,7 @@ def _mean(change: MaterialChange, name: str, value: Input) -> F64 | None:
     return None
 
 
-def _inputs_before(change: MaterialChange) -> tuple[SurfaceInputs, float]:
+def inputs_before(change: MaterialChange) -> tuple[SurfaceInputs, float]:
     """The inputs as they are, and the opacity that the diffuse reflectance was multiplied with.
 
     What is textured and has no mean is taken from the mean reflectance.

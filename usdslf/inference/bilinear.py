@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from usdslf.edits.whole_set import Colored
 from usdslf.inference.evidence import Evidence, mean_by, varies
 from usdslf.inference.residuals import mean_by_stroke, relative_scale
 from usdslf.scene.records import F64
@@ -92,6 +93,7 @@ class Tables:
     is_textured_roughness: bool = False  # glossiness changes by a factor
     most_diffuse: float = 1.0  # that the material can reflect: its opacity, where it is seen through
     must_hold_energy: bool = False  # d + F0 <= 1 is for the fit to keep
+    colored: Colored = Colored.FREE  # what a coloured specular colour takes of the material, where it is no metal
 
     @property
     def own(self) -> int:

@@ -1,8 +1,8 @@
 """Changes: what was solved or stylized -> the change of each material, with the textures of what varies.
 
-    changes_of(answers, scene, strokes, field, mode) -> list[MaterialChange]
-    restyled(styles, scene) -> list[MaterialChange]
-    with_varying(changes, answers, scene, folder, color, warnings) -> list[MaterialChange]
+changes_of(answers, scene, strokes, field, mode) -> list[MaterialChange]
+restyled(styles, scene) -> list[MaterialChange]
+with_varying(changes, answers, scene, folder, color, warnings) -> list[MaterialChange]
 """
 
 from __future__ import annotations
@@ -12,18 +12,21 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from usdslf.color import Color
 from usdslf.edits.baked_texture import Baked
+from usdslf.edits.collateral import somewhere
 from usdslf.edits.edits import InputEdit, MaterialChange, Reflectance, material_change_to_input_edits
+from usdslf.edits.moves import NAMES, Move
+from usdslf.edits.representations import least_collateral
 from usdslf.edits.storage import input_values, storage_of, store
+from usdslf.errors import AuthorError
 from usdslf.inference.answers import Answer, alike_means
 from usdslf.inference.candidate import Candidate
 from usdslf.inference.varying import Varying, as_even
 from usdslf.light_field.light_field import LightField
 from usdslf.scene.records import Scene
-from usdslf.similarity.similarity import Places, places_at
+from usdslf.similarity.similarity import places_at
 from usdslf.strokes.anchors import locate_stroke, painted_faces
 from usdslf.strokes.stroke import Stroke
 
@@ -107,25 +110,33 @@ def with_varying(
     """
     freed = [a for a in answers if a.chosen.freed]
     all_of_them = [*((a, a.pool.material, a.varying) for a in freed), *_further(freed)]
-    return [
-        _varied(c, m, v, scene, folder, color, warnings)
-        if v
-        else _exact(c, m, a.chosen, scene, folder, color, warnings)
-        for c, (a, m, v) in zip(changes, all_of_them)  # of mode `new` there are no further ones
-    ]
+    found = []
+    for i, (c, (a, m, v)) in enumerate(zip(changes, all_of_them)):  # of mode `new` there are no further ones
+        try:
+            if v:
+                found.append(_varied(c, m, v, scene, folder, color, warnings))
+                continue
+            exact = _exact(c, m, a.chosen, scene, folder, color, warnings)
+            stem = folder / c.material.path.rsplit("/", 1)[-1]
+            found.append(least_collateral(scene, m, exact, stem, color, warnings))
+        except AuthorError as error:
+            if i < len(freed):
+                raise
+            warnings.append(str(error))  # what is similar stays as it is
+    return found
 
 
 def _further(answers: list[Answer]) -> list[tuple[Answer, int, Varying | None]]:
     """What is similar: the answer, a material that changes with it, and how, where not by the mean."""
-    return [
-        (a, m, a.spread if m in a.pool.partly else None) for a in answers for m in (*a.pool.alike, *a.pool.partly)
-    ]
+    return [(a, m, a.spread if m in a.pool.partly else None) for a in answers for m in (*a.pool.alike, *a.pool.partly)]
 
 
 def _varied(
     change: MaterialChange, material: int, varying: Varying, scene: Scene, folder: Path, color: Color,
     warnings: list[str],
 ) -> MaterialChange:  # fmt: skip
+    if not varying.is_even:
+        change = replace(change, moves={NAMES[varying.parameter]: _move_of(varying)})
     storage = storage_of(scene, material, change.targets, varying)
     if storage.why_not:  # the light that goes round moved it from where it could be stored
         warnings.append(f"{scene.materials[material].path}: {storage.why_not}; its change is written as its mean")
@@ -136,12 +147,26 @@ def _varied(
     return replace(change, by_vertex={storage.input: found})
 
 
+def _move_of(v: Varying) -> Move:
+    """How far a change that varies is meant to go: as far as at its dabs, by terms or by factors."""
+    if v.form == "value":  # it takes the place of a texture
+        return Move((-1.0,), (1.0,))
+    move = Move.within(v.of_dabs())
+    if v.form != "factor":
+        return move
+    low, high = np.minimum(v.q.min(0), 0), np.maximum(v.q.max(0), 0)
+    return replace(move, least=tuple((1 + low).tolist()), most=tuple((1 + high).tolist()))
+
+
 def _exact(
     change: MaterialChange, material: int, chosen: Candidate, scene: Scene, folder: Path, color: Color,
     warnings: list[str],
 ) -> MaterialChange:  # fmt: skip
     """The change by a bias, else with a texture of its own, where its usual map is too far off what was found."""
-    edits = material_change_to_input_edits(change) if len(chosen.freed) == 1 else []
+    try:
+        edits = material_change_to_input_edits(change) if len(chosen.freed) == 1 else []
+    except AuthorError:  # there may be another way
+        return change
     if len(edits) != 1 or edits[0].representation != "scale":
         return change
     even = as_even(chosen)
@@ -149,7 +174,7 @@ def _exact(
     if storage.why_not or storage.triangles is None or storage.input != edits[0].input:
         return change
     before, after = input_values(
-        scene.materials[material], storage.input, even, _somewhere(scene, storage.triangles)
+        scene.materials[material], storage.input, even, places_at(scene, *somewhere(scene, storage.triangles, PLACES))
     )
 
     def off_by(edit: InputEdit) -> float:
@@ -166,13 +191,3 @@ def _exact(
         f"{change.material.path}: {storage.input} gets a texture of its own; a scale and a bias would be {off:.2f} off"
     )
     return _varied(change, material, even, scene, folder, color, warnings)
-
-
-def _somewhere(scene: Scene, triangles: NDArray) -> Places:
-    """Random places on triangles, by area."""
-    rng = np.random.default_rng(0)
-    area = scene.triangles.areas[triangles]
-    which = rng.choice(triangles, PLACES, p=area / area.sum()).astype(np.int32)
-    root, along = np.sqrt(rng.random(PLACES)), rng.random(PLACES)
-    return places_at(scene, which, np.stack([root * (1 - along), root * along], 1).astype(np.float32))
-

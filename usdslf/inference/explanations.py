@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from usdslf.edits.whole_set import Colored, colored_specular
 from usdslf.errors import StrokeError
 from usdslf.inference.answers import Alternative, means_after
 from usdslf.inference.bilinear import Tables
@@ -75,10 +76,13 @@ def find_explanations(
     own: list[tuple[int, Tables]] = []
     for m in materials:
         tables, as_metal = receiver_tables(receivers, m, field.surface, field)
+        colored = colored_specular(scene.materials[m])
+        tables = replace(tables, colored=colored)
         own.append((m, tables))
         candidates = [_plausible(c, tables, options) for c in enumerate_candidates(tables, options)]
         candidates = [replace(c, cost=c.cost + _unmet(c.radiance(tables), receivers)) for c in candidates]
-        if as_metal is not None and options.norm == "mixed" and not scene.materials[m].use_specular_workflow:
+        can_be_metal = colored is not Colored.NEVER and not scene.materials[m].use_specular_workflow
+        if as_metal is not None and options.norm == "mixed" and can_be_metal:
             candidates += _as_metals(as_metal, tables, options, receivers)
         candidates.sort(key=lambda c: c.rank)
         for i, c in enumerate(candidates):

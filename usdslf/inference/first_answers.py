@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from usdslf.edits.storage import storage_of
+from usdslf.edits.whole_set import colored_specular
 from usdslf.errors import StrokeError
 from usdslf.inference.answers import Answer, Painted, Pool, means_of, scope_rows
 from usdslf.inference.attainable import dimming, error_of, explains_nothing, seems_too_bright
@@ -76,6 +77,7 @@ def _first_answer(pool: Pool, evidence: list[Evidence], painted: list[Painted], 
     """The best or chosen answer of a pool in the light as it is."""
     mine = [evidence[i] for i in pool.strokes]
     tables = pool_tables(mine, pool.material, ask.field.model)
+    tables = replace(tables, colored=colored_specular(ask.scene.materials[pool.material]))
     norms = {e.stroke.norm for e in mine} - {"mixed"}
     options = replace(ask.options, norm=norms.pop()) if len(norms) == 1 else ask.options
     options = replace(options, dab_error=max(options.dab_error, expected_error([e.stroke for e in mine])))

@@ -13,6 +13,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from usdslf.edits.whole_set import Colored
 from usdslf.inference.bilinear import Tables
 from usdslf.inference.candidate import GROUPS, Candidate
 from usdslf.inference.fit import Problem, Specular, Way, fit, fit_robustly, relative_residuals
@@ -38,13 +39,19 @@ def enumerate_candidates(t: Tables, o: Options | None = None, groups: tuple[str,
     for free_gloss in (False, True) if "glossiness" in groups else (False,):
         for level in range(t.own) if free_gloss else (t.own,):
             for diffuse in (False, True) if "diffuse" in groups else (False,):
-                for specular in tuple(Specular) if "specular" in groups else (Specular.KEPT,):
+                for specular in _ways_of_specular(t) if "specular" in groups else (Specular.KEPT,):
                     c = _fitted(problem, Way(diffuse, specular, free_gloss), level)
                     if (c.id, specular) not in best or c.rank < best[c.id, specular].rank:
                         best[c.id, specular] = c
     found = [_fitted(problem, replace(Way.of(c), is_factor=False), c.level, robust=True) for c in best.values()]
     found.sort(key=lambda c: c.rank)
     return [c for i, c in enumerate(found) if c.id not in {other.id for other in found[:i]}]
+
+
+def _ways_of_specular(t: Tables) -> list[Specular]:
+    """How the specular colour may change: not to a colour that could only be written by spoiling maps."""
+    is_grey = t.colored is Colored.NEVER and not t.is_metal
+    return [s for s in Specular if not (is_grey and s is Specular.COLOR)]
 
 
 def _fitted(problem: Problem, way: Way, level: int, robust: bool = False) -> Candidate:
@@ -83,9 +90,10 @@ def score(t: Tables, o: Options, c: Candidate) -> float:
         factors     (M + background n B) f_g
 
     for k freedoms in g groups of parameters.  Odd are a metal that becomes diffuse, and a grey dielectric that
-    becomes coloured.  The first term is -2 log of a Lorentzian likelihood of the mean dab, so that a pool which
-    nothing explains decides by its freedoms still (Black and Anandan 1996).  freedom k stands for k log n, which is 3
-    or 4 a freedom for dozens of dabs (Schwarz 1978); group prefers few parameters as the paper's weights do.
+    becomes coloured; that is twice as odd where it takes the place of maps that say what is metal.  The first term is
+    -2 log of a Lorentzian likelihood of the mean dab, so that a pool which nothing explains decides by its freedoms
+    still (Black and Anandan 1996).  freedom k stands for k log n, which is 3 or 4 a freedom for dozens of dabs (Schwarz
+    1978); group prefers few parameters as the paper's weights do.
     The last line is the paper's own choice, pooled over the stroke (Nguyen et al. 2013, Eq. 4).
     """
     n = len(t.target)
@@ -102,7 +110,7 @@ def score(t: Tables, o: Options, c: Candidate) -> float:
         cost += o.kind
     is_colored = float(np.ptp(c.f0_of(t.f0))) > COLORED
     if not t.is_metal and "specular" in c.freed and is_colored and np.ptp(t.f0) < GREY:
-        cost += o.kind
+        cost += o.kind * (2 if t.colored is Colored.MAPS else 1)
     return float(cost)
 
 

@@ -59,8 +59,9 @@ def ior_for(reflectance: ArrayLike) -> F64:
 
 
 def inputs_for(
-    before: SurfaceInputs, d: F64, f0: F64, tolerance: float = 0.005, ior_is_free: bool = True
-) -> SurfaceInputs:
+    before: SurfaceInputs, d: F64, f0: F64, tolerance: float = 0.005, ior_is_free: bool = True,
+    metallic_is_free: bool = True,
+) -> SurfaceInputs:  # fmt: skip
     """Finds the inputs that give d and F0 with as few of them changed as can be.
 
     The specular workflow is taken only where no diffuseColor, metallic and ior give both.
@@ -70,11 +71,14 @@ def inputs_for(
         d, f0: wanted (3,), each in 0..1.
         tolerance: of each channel of d and F0, relative, and a tenth of it absolute for what is dark.
         ior_is_free: False where the ior also drives a clear coat that is seen.
+        metallic_is_free: False where a map says what is metal, which has to keep its meaning.
     """
     d, f0 = np.asarray(d, np.float64), np.asarray(f0, np.float64)
     if before.use_specular_workflow:
         return replace(before, diffuse_color=d, specular_color=f0)
     for candidate in _metal_candidates(before, d, f0, ior_is_free):
+        if not metallic_is_free and candidate.metallic != before.metallic:
+            continue
         if error_of(candidate, d, f0) <= tolerance:
             return candidate
     return replace(before, diffuse_color=d, specular_color=f0, use_specular_workflow=True)

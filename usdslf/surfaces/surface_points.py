@@ -90,7 +90,7 @@ def evaluate_surface(
     opacity, presence = _coverage(scene.materials, material, scalars["opacity"])
     metallic = np.clip(scalars["metallic"], 0, 1)
     ior = np.maximum(scalars["ior"], 1e-3)
-    d, f0, f90, r2 = _reflectance(is_specular, base, specular, metallic, ior)
+    d, f0, f90, r2 = reflectance_at(is_specular, base, specular, metallic, ior)
     # Opacity of what is there: below 1 in mode transparent only.
     solid = np.where(presence > 0, opacity / np.maximum(presence, 1e-20), 1)
     return SurfacePoints(
@@ -138,7 +138,7 @@ def _inputs(
     return values, normal
 
 
-def _reflectance(
+def reflectance_at(
     is_specular: NDArray[np.bool_], base: F32, specular: F32, metallic: F32, ior: F32
 ) -> tuple[F32, F32, F32, F32]:
     """Returns d, F0 and F90 (n, 3) by the workflow of each point, and R^2 (n,) of its ior."""

@@ -168,7 +168,7 @@ class ChangeWriter(MaterialWriter):
             if not copied.isEmpty:
                 self._copy_texture(copied, edit)
         else:
-            node = copied = self._new_texture(edit, baked)
+            node = copied = self._new_texture_like(edit, baked) if baked.like else self._new_texture(edit, baked)
         file = Sdf.AssetPath(relative_path(baked.file, self.folder))
         values = {
             "file": (Names.Asset, file),
@@ -177,6 +177,8 @@ class ChangeWriter(MaterialWriter):
             "wrapT": (Names.Token, baked.wrap_t),
             "fallback": (Names.Float4, Gf.Vec4f(*baked.fallback)),
         }
+        if baked.like:  # it holds values as they are
+            values |= {"scale": (Names.Float4, Gf.Vec4f(1)), "bias": (Names.Float4, Gf.Vec4f(0))}
         written: list[AuthoredEdit] = []
         for name, (kind, value) in values.items():
             texture = UsdShade.Shader(self.look.stage.GetPrimAtPath(node))
@@ -188,10 +190,25 @@ class ChangeWriter(MaterialWriter):
             spec = self.look.over(self._moved(path.GetPrimPath()), path.name).attributes[path.name] if new else None
             if spec and path == own and attribute and attribute.GetPath().GetPrimPath() != node:
                 spec.connectionPathList.ClearEditsAndMakeExplicit()  # from what others take their value from too
+            if spec and baked.like and self._is_connected(f"{baked.like}.{path.name}"):
+                spec.connectionPathList.ClearEditsAndMakeExplicit()  # from what the other one takes it from
             if spec and name == "file":
                 spec.colorSpace = baked.color_space
             written += new
         return written
+
+    def _is_connected(self, path: str) -> bool:
+        attribute = self.look.stage.GetAttributeAtPath(path)
+        return bool(attribute) and bool(attribute.HasAuthoredConnections())
+
+    def _new_texture_like(self, edit: InputEdit, baked: Baked) -> Sdf.Path:
+        """Makes a UsdUVTexture with the coordinates of another one, for an input that leaves what drove it."""
+        look, like = self.look, Sdf.Path(baked.like)
+        node = new_node_path(self.shader, f"slf_{edit.input}")
+        new = look.define(self._moved(node), "Shader")
+        new.specializesList.Prepend(look.place(self._moved(like) if like.HasPrefix(self.original) else like))
+        self._connect(self.shader.GetPath(), edit.input, node, f"outputs:{baked.channels}", Names.Float3)
+        return node
 
     def _new_texture(self, edit: InputEdit, baked: Baked) -> Sdf.Path:
         """Makes a UsdUVTexture with a reader of its coordinates, for an input that had none."""

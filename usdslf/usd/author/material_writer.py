@@ -16,12 +16,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, Vt
 
-from usdslf.edits.edits import MaterialChange, Reflectance, inferred
+from usdslf.edits.edits import MaterialChange, Reflectance, inferred, moves_of
 from usdslf.errors import AuthorError
 from usdslf.usd.arcs import class_of
 from usdslf.usd.binding import bound_relationship, users_of
 from usdslf.usd.layer.affected import read_by_others
 from usdslf.usd.layer.look_layer import SCOPE, LookLayer, shader_of
+from usdslf.usd.layer.meant import MOVES, moves_data, moves_in
+from usdslf.usd.look_data import our_data
 
 if TYPE_CHECKING:
     from usdslf.color import Color
@@ -187,7 +189,12 @@ class MaterialWriter:
         }
         residuals = {"residualBefore": c.residual_before, "residualAfter": c.residual_after}
         data |= {name: float(value) for name, value in residuals.items() if np.isfinite(value)}
-        self.look.over(self.material).SetInfo("customData", {"usdslf": data})
+        over = self.look.over(self.material)
+        moves, earlier = moves_of(c), moves_in(our_data(over.customData).get(MOVES))
+        data[MOVES] = moves_data(
+            earlier | {name: m.joined(earlier[name]) if name in earlier else m for name, m in moves.items()}
+        )
+        over.SetInfo("customData", {"usdslf": data})
 
 
 def _reflectance_data(r: Reflectance) -> dict[str, Any]:
