@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdslf.color import Color, color_of
+from usdslf.edits.collateral import Collateral
 from usdslf.edits.edits import MaterialChange
 from usdslf.edits.read_back import Missing, why_missing
 from usdslf.elements.elements import refresh_reflectance
@@ -36,6 +37,7 @@ from usdslf.solution import Solution
 from usdslf.stylize.changes import with_styles
 from usdslf.surfaces.reflectance import model_of
 from usdslf.usd.author.author import Instead, author_look, author_review_root, check_look_place
+from usdslf.usd.author.collateral import Reading, look_collateral
 from usdslf.usd.author.read_back import kept_unless_whole, scene_under, stage_under
 from usdslf.usd.layer.baked_files import textures_folder
 from usdslf.usd.layer.wins import AuthoredEdit
@@ -56,6 +58,7 @@ class Look:
         solution: what it is of, without what was not worth while as it can be written.
         as_written: residuals of answers that vary, as the look shows them.
         not_shown: sentences: what was asked for and the shot hides.
+        collateral: what it changes beyond what it is meant to, the worst first.
         warnings: sentences.
         seconds: by step.
     """
@@ -65,6 +68,7 @@ class Look:
     solution: Solution
     as_written: Mapping[Pool, float] = field(default_factory=dict)
     not_shown: tuple[str, ...] = ()
+    collateral: tuple[Collateral, ...] = ()
     warnings: tuple[str, ...] = ()
     seconds: Mapping[str, float] = field(default_factory=dict)
 
@@ -111,9 +115,13 @@ def author(
                 f"it no nearer to what was wanted, {was:.3f} became {became:.3f}",
             )
         solution = replace(solution, stylized=solution.stylized.without(worse))
+    with step("author", seconds):
+        reading = Reading(shot.frame, shot.refine, shot.ocio)
+        collateral = look_collateral(shot.source, shot.scene, path, reading) if edits else []
+    _say(said, *(c.in_words() for c in collateral if c.is_finding))
     return Look(
-        os.fspath(path), tuple(edits), solution, MappingProxyType(as_written), tuple(not_shown), tuple(said),
-        MappingProxyType(seconds),
+        os.fspath(path), tuple(edits), solution, MappingProxyType(as_written), tuple(not_shown), tuple(collateral),
+        tuple(said), MappingProxyType(seconds),
     )  # fmt: skip
 
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from usdslf.edits.collateral import words_of
 from usdslf.edits.edits import inferred
 from usdslf.inference.answers import Answer, Pool, alike_means, means_of
 from usdslf.inference.uncertainty import interval, probabilities
@@ -61,6 +62,7 @@ def report_of(shot: Shot, solution: Solution, look: Look | None = None) -> dict[
             }
             for e in edits
         ],
+        "collateral": [c.as_values() for c in (look.collateral if look else ())],
         "warnings": list(dict.fromkeys(w for part in parts for w in part.warnings)),
         "seconds": {k: round(v, 4) for part in parts for k, v in part.seconds.items()},
     }
@@ -203,6 +205,9 @@ def lines_of_report(report: Mapping[str, Any]) -> Iterator[str]:
         yield f"{edit['prim']}.{edit['attribute']}: {change}{loses}"
         if edit["affects"]:
             yield f"  shown by {len(edit['affects'])}: {_some(edit['affects'])}"
+    for beside in report.get("collateral", ()):
+        too_much = "  (a finding)" if beside["finding"] else ""
+        yield f"{beside['material']} beside that: {words_of(beside)}{too_much}"
 
 
 def _answered_alike(strokes: Sequence[Mapping[str, Any]]) -> list[list[Mapping[str, Any]]]:

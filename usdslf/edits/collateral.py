@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,11 +56,21 @@ class Collateral:
         """Whether somebody has to look at it."""
         return any(s.worst > (GRAZING if name == "grazing" else TOLERANCE) for name, s in self.spoilt.items())
 
+    def as_values(self) -> dict[str, Any]:
+        """As JSON holds it."""
+        spoilt = {name: {"mean": s.mean, "worst": s.worst} for name, s in self.spoilt.items()}
+        return {"material": self.material, "finding": self.is_finding, "parameters": spoilt}
+
     def in_words(self) -> str:
         """A sentence."""
-        most = sorted(self.spoilt.items(), key=lambda item: -item[1].worst)
-        said = ", ".join(f"{name} by {s.worst:.3f} (mean {s.mean:.3f})" for name, s in most)
-        return f"{self.material} changes where nothing was asked of it: {said} on the worst hundredth of its surface"
+        return f"{self.material} changes where nothing was asked of it: {words_of(self.as_values())}"
+
+
+def words_of(values: Mapping[str, Any]) -> str:
+    """Returns what `Collateral.as_values` says of the parameters, the worst first."""
+    most = sorted(values["parameters"].items(), key=lambda item: -item[1]["worst"])
+    said = ", ".join(f"{name} by {s['worst']:.3f} (mean {s['mean']:.4f})" for name, s in most)
+    return f"{said} on the worst hundredth of its surface"
 
 
 def parameters_of(s: SurfacePoints) -> dict[str, F64]:

@@ -13,7 +13,7 @@ What a representation changes is computed at places all over the material, befor
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -60,7 +60,7 @@ def least_collateral(
     """
     m = change.material
     driven = any(isinstance(v, Texture) for v in (m.diffuse_color, m.metallic, m.ior))
-    if m.why_not_editable or change.baked or change.by_vertex or not driven:
+    if m.why_not_editable or {*change.baked, *change.by_vertex} - {"roughness"} or not driven:
         return change  # what constants say, they say at every place
     x, moves = _seen(scene, material, change), moves_of(change)
     before = parameters_of(x)
@@ -85,7 +85,7 @@ def least_collateral(
         return change
     baked = bake_set(m, best.make, place, color)
     warnings.append(f"{m.path}: {' and '.join(baked)} get textures of their own, so that its maps keep their meaning")
-    return replace(change, baked=baked, values=best.values)
+    return replace(change, baked={**change.baked, **baked}, values=best.values)
 
 
 def _seen(scene: Scene, material: int, change: MaterialChange) -> SurfacePoints:
@@ -177,7 +177,7 @@ def _foreseen(change: MaterialChange, way: _Way, x: SurfacePoints) -> dict[str, 
         "specularColor": x.specular_color, "roughness": x.roughness[:, None],
     }  # fmt: skip
     if way.make is None:
-        edits: Sequence[InputEdit] = material_change_to_input_edits(change)
+        edits = [e for e in material_change_to_input_edits(change) if e.baked is None and e.by_vertex is None]
         is_specular = is_specular or any(e.input == "useSpecularWorkflow" for e in edits)
         inputs = inputs | {e.input: _written(e, inputs[e.input]) for e in edits if e.input in inputs}
     else:

@@ -15,9 +15,12 @@ from numpy.typing import NDArray
 
 from usdslf.color import Color
 from usdslf.edits.baked_texture import Baked
-from usdslf.edits.edits import ByVertex, MaterialChange, Reflectance
+from usdslf.edits.edits import ByVertex, MaterialChange, Reflectance, material_change_to_input_edits
+from usdslf.edits.moves import NAMES, Move
+from usdslf.edits.representations import least_collateral
 from usdslf.edits.storage import storage_of, store
 from usdslf.elements.elements import Elements
+from usdslf.errors import AuthorError
 from usdslf.scene.records import F64, Scene
 from usdslf.similarity.similarity import Places
 from usdslf.similarity.upsample import upsampling_weights
@@ -71,22 +74,31 @@ def with_styles(
     found: dict[str, Baked | ByVertex] = {}
     known: dict[bytes, tuple[NDArray[np.int64], F64]] = {}
     at_points: dict[str, Places] = {}
+    moves: dict[str, Move] = {}
     for parameter, moved in zip(("diffuse", "specular", "glossiness"), (d, f0, roughness[:, None])):
         if parameter not in change.freed:
             continue
+        moves[NAMES[parameter]] = Move.within(moved)
         varying = StyleChange(parameter, places, moved, spacing, known)
         storage = storage_of(scene, style.material, change.targets, varying)
         if storage.why_not:
             warnings.append(f"{change.material.path}: {parameter} changes by its mean, for {storage.why_not}")
             continue
-        found[storage.input] = store(
-            scene, storage, varying, folder, color, warnings, (side, side), at_points
-        )
-    return replace(
+        found[storage.input] = store(scene, storage, varying, folder, color, warnings, (side, side), at_points)
+    change = replace(
         change,
         baked={k: v for k, v in found.items() if isinstance(v, Baked)},
         by_vertex={k: v for k, v in found.items() if isinstance(v, ByVertex)},
+        moves=moves,
     )
+    stem = folder / change.material.path.rsplit("/", 1)[-1]
+    try:
+        change = least_collateral(scene, style.material, change, stem, color, warnings)
+        material_change_to_input_edits(change)
+    except AuthorError as error:  # what is left to the maps' meaning is not worth spoiling them
+        warnings.append(f"{error}; its specular colour stays")
+        change = replace(change, freed=tuple(f for f in change.freed if f != "specular"))
+    return change
 
 
 def restyled(styles: Sequence[MaterialStyle], scene: Scene) -> list[MaterialChange]:

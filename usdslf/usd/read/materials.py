@@ -218,7 +218,10 @@ class _Network:
         value = attribute.Get(self.time)
         if value is None:
             return constant(*fallback)
-        values = tuple(float(x) for x in np.ravel(np.asarray(value)))
+        try:
+            values = tuple(float(x) for x in np.ravel(np.asarray(value)))
+        except (TypeError, ValueError):  # of a type that USD does not know, or text
+            values = ()
         if len(values) != len(fallback) or not np.isfinite(values).all():
             self.notes.add(f"{name} of {{}} has no usable value: its fallback is used", self.shader.GetPath())
             return constant(*fallback)

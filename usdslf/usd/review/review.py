@@ -12,13 +12,15 @@ from typing import Any
 
 from pxr import Sdf, Usd
 
-from usdslf.errors import InputError
-from usdslf.usd.border import in_words, plain, reading
+from usdslf.edits.collateral import Collateral, words_of
+from usdslf.errors import InputError, StageError
+from usdslf.usd.author.collateral import Reading, collateral_between
+from usdslf.usd.border import in_words, plain, quiet_usd, reading
 from usdslf.usd.edited import open_edited
 from usdslf.usd.layer.hand_edits import specs_of
 from usdslf.usd.look_data import is_look, our_data, texts
 from usdslf.usd.read.read import open_stage
-from usdslf.usd.review.validate import validate
+from usdslf.usd.review.validate import Finding, validate
 
 LONG = 4  # values of an array that are shown; of more, their number
 
@@ -63,13 +65,32 @@ def _is_same(path: str, other: str | os.PathLike[str]) -> bool:
 
 def _reviewed(stage: Usd.Stage, below: Usd.Stage, layer: Sdf.Layer, ocio: str | None) -> dict[str, Any]:
     specs = list(specs_of(layer))
+    beside = _collateral(stage, below, layer, ocio)
+    found = [*validate(stage, ocio), *(_spoilt(c, layer) for c in beside if c.is_finding)]
     return {
         "shot": stage.GetRootLayer().realPath,
         "look": layer.realPath,
         "materials": [_material(s) for s in specs if isinstance(s, Sdf.PrimSpec) and our_data(s.customData)],
         "edits": [_edit(below, s) for s in specs if isinstance(s, Sdf.PropertySpec)],
-        "findings": [vars(f) for f in validate(stage, ocio)],
+        "collateral": [c.as_values() for c in beside],
+        "findings": [vars(f) for f in found],
     }
+
+
+def _collateral(stage: Usd.Stage, below: Usd.Stage, layer: Sdf.Layer, ocio: str | None) -> list[Collateral]:
+    """What the look changes beside what it is meant to, at the frame that it was solved at."""
+    frame = our_data(layer.customLayerData).get("frame")
+    reading = Reading(float(frame) if isinstance(frame, int | float) else None, ocio=ocio)
+    try:
+        with quiet_usd():
+            return collateral_between(below, stage, layer, reading)
+    except StageError:  # nothing is left to see, which is no fault of the look
+        return []
+
+
+def _spoilt(c: Collateral, layer: Sdf.Layer) -> Finding:
+    say = f"{c.in_words()}: look at it, or solve with another explanation (--choose) or scope."
+    return Finding("Collateral", c.material, say, layer.GetDisplayName())
 
 
 def lines_of_review(found: Mapping[str, Any]) -> list[str]:
@@ -82,6 +103,7 @@ def lines_of_review(found: Mapping[str, Any]) -> list[str]:
     lines += [
         f"  {e['prim']}.{e['attribute']}: {in_words(e['before'])} -> {in_words(e['after'])}" for e in found["edits"]
     ]
+    lines += [f"  {c['material']} beside that: {words_of(c)}" for c in found["collateral"]]
     lines.append(f"findings: {len(found['findings'])}")
     return lines + [f"  {f['name']}: {f['message']}" for f in found["findings"]]
 
