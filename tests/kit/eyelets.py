@@ -86,9 +86,10 @@ def composed(stage: Path, look: Path | None = None) -> Usd.Stage:
     return Usd.Stage.Open(root)
 
 
-def texels_of(stage: Usd.Stage, name: str, tile: int = 0) -> NDArray:
+def texels_of(stage: Usd.Stage, name: str, tile: int = 0, material: str = MATERIAL) -> NDArray:
     """What an input of the material holds at the texels of its map: by usd-core's connections and the file alone."""
-    port = UsdShade.Shader(stage.GetPrimAtPath(f"{MATERIAL}/surface")).GetInput(name)
+    surface = UsdShade.Material(stage.GetPrimAtPath(material)).ComputeSurfaceSource()[0]
+    port = surface.GetInput(name)
     sources = port.GetValueProducingAttributes() if port else []
     if not sources:
         default = {"ior": 1.5, "useSpecularWorkflow": 0, "metallic": 0.0, "specularColor": (0, 0, 0)}[name]
@@ -101,28 +102,34 @@ def texels_of(stage: Usd.Stage, name: str, tile: int = 0) -> NDArray:
     path = asset.resolvedPath or layers[0].ComputeAbsolutePath(asset.path).replace("<UDIM>", str(1001 + tile))
     image = oiio.ImageBuf(path)
     pixels = np.asarray(image.get_pixels(oiio.FLOAT), np.float64)
+    if image.spec().format == oiio.UINT8 and (node.GetInput("sourceColorSpace").Get() or "auto") != "raw":
+        pixels = np.where(pixels <= 0.04045, pixels / 12.92, ((pixels + 0.055) / 1.055) ** 2.4)  # IEC 61966-2-1
     values = [node.GetInput(n).Get() if node.GetInput(n) else None for n in ("scale", "bias")]
     scale, bias = (np.array(v if v is not None else (d,) * 4) for v, d in zip(values, (1.0, 0.0)))
     channels = ["rgba".index(c) for c in sources[0].GetName().rpartition(":")[2]]
     return pixels[..., channels] * scale[channels] + bias[channels]
 
 
-def at_texels(pixels: NDArray) -> NDArray:
-    """A finer map (k N, k N, C) at the middles of the N x N texels; a constant as it is."""
+def at_texels(pixels: NDArray, n: int = N) -> NDArray:
+    """A finer map (k n, k n, C) at the middles of the n x n texels; a constant as it is."""
     if pixels.ndim < 2:
         return pixels
-    k = len(pixels) // N
+    k = len(pixels) // n
     low = (k - 1) // 2
     rows = pixels[low::k] if k % 2 else 0.5 * (pixels[low::k] + pixels[low + 1 :: k])
     return rows[:, low::k] if k % 2 else 0.5 * (rows[:, low::k] + rows[:, low + 1 :: k])
 
 
-def reflects(stage: Usd.Stage, tile: int = 0) -> tuple[NDArray, NDArray]:
-    """Diffuse colour and F0 (N, N, 3) of the card's texels, by the formulas of previewSurface.glslfx."""
-    base = np.broadcast_to(at_texels(texels_of(stage, "diffuseColor", tile)), (N, N, 3))
-    if texels_of(stage, "useSpecularWorkflow"):
-        return base, np.broadcast_to(at_texels(texels_of(stage, "specularColor", tile)), (N, N, 3))
-    m = at_texels(texels_of(stage, "metallic", tile))
-    r2 = ((1 - texels_of(stage, "ior")) / (1 + texels_of(stage, "ior"))) ** 2
+def reflects(stage: Usd.Stage, tile: int = 0, material: str = MATERIAL, n: int = N) -> tuple[NDArray, NDArray]:
+    """Diffuse colour and F0 (n, n, 3) of a material's texels, by the formulas of previewSurface.glslfx."""
+
+    def of(name: str) -> NDArray:
+        return at_texels(texels_of(stage, name, tile, material), n)
+
+    base = np.broadcast_to(of("diffuseColor"), (n, n, 3))
+    if of("useSpecularWorkflow"):
+        return base, np.broadcast_to(of("specularColor"), (n, n, 3))
+    m, ior = of("metallic"), of("ior")
+    r2 = ((1 - ior) / (1 + ior)) ** 2
     s = 1 - m + m * base
     return base * (1 - m), s * (r2 * (1 - m) + m)

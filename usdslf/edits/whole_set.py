@@ -29,7 +29,7 @@ from usdslf.scene.records import F64, Input, Material, PrimvarInput, Texture
 from usdslf.textures.images import load_texture, sample_texture
 
 _BLOCK = 1 << 18  # texels that are computed at a time
-FINE = 2048  # texels on a side that textures are made finer up to
+FINE = 1024  # texels on a side that textures are made finer up to
 _NAMES = {"diffuse_color": "diffuseColor", "metallic": "metallic", "ior": "ior"}
 
 
