@@ -109,7 +109,9 @@ def gaps_of_class(name: str, kind: type) -> Iterator[str]:
             yield f"{name}: no shape of {f.name}"
         elif units_missing(f.name, said[f.name]):
             yield f"{name}: no unit or range of {f.name}"
-    for member, value in vars(kind).items():
+    own_bases = [base for base in kind.__mro__ if base.__module__.split(".")[0] == kind.__module__.split(".")[0]]
+    members = {member: value for base in reversed(own_bases) for member, value in vars(base).items()}
+    for member, value in members.items():
         if member.startswith("_") and member != "__init__":
             continue
         value = value.__func__ if isinstance(value, staticmethod | classmethod) else value
