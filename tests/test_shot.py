@@ -13,7 +13,20 @@ import pytest
 from kit.stage_parts import StageBuilder
 from pxr import Gf, Sdf, Usd, UsdLux
 
-from usdslf import Cancelled, Progress, Session, Settings, Shot, Solution, Stroke, render_shot, run, solve, stepwise
+from usdslf import (
+    Cancelled,
+    Progress,
+    Session,
+    Settings,
+    Shot,
+    Solution,
+    Stroke,
+    progress,
+    render_shot,
+    run,
+    solve,
+    stepwise,
+)
 from usdslf.progress import hearing, step, tell
 from usdslf.scene.difference import is_same_but_for_reflectance
 
@@ -131,7 +144,13 @@ def test_what_is_made_at_once_by_several_threads_is_made_once(stage: Path) -> No
     assert len({id(x) for x in found}) == 1 and len(found) == 4
 
 
-def test_a_solve_that_is_closed_anywhere_changes_nothing(shot: Shot) -> None:
+@pytest.fixture()
+def told_by_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nothing is told by the clock: the same words each time."""
+    monkeypatch.setattr(progress, "TOLD_EVERY", 3600.0)
+
+
+def test_a_solve_that_is_closed_anywhere_changes_nothing(shot: Shot, told_by_blocks: None) -> None:
     stroke = dabs(shot, AT, (0.5, 0.1, 0.1))
     field = shot.light_field
     before, whole = shot.device.download(field.outgoing_d).tobytes(), after(run(solve(shot, [stroke])))
@@ -167,12 +186,116 @@ def test_what_a_session_hears_can_end_its_work_and_the_last_answer_stays(stage: 
 def test_work_that_is_cancelled_while_it_makes_something_leaves_what_was_made_before(stage: Path) -> None:
     shot = Shot.open(str(stage), elements=200, bounces=1)
     steps = stepwise(lambda: shot.light_field)
-    for progress in steps:
-        if progress.step == "visibility":
+    for told in steps:
+        if told.step == "visibility":
             break
     steps.close()
     assert "elements" in vars(shot) and "visibility" not in vars(shot)
     assert len(shot.visibility.hit) == len(shot.elements)
+
+
+def work_with(session: Session, look: Path) -> list[Callable[[], Any]]:
+    """All kinds of steps, one after the other; each goes on from what was made before."""
+    return [
+        lambda: (session.scene, session.tracer), lambda: session.elements, lambda: session.lookup,
+        lambda: session.visibility, lambda: session.fixed_light, lambda: session.light_set,
+        lambda: session.light_field, session.solve, lambda: session.author(look),
+        lambda: session.render(size=(64, 36), samples=4), lambda: session.at_frame(2.0), session.stylize,
+        lambda: session.author(look),
+    ]  # fmt: skip
+
+
+def test_a_cancel_at_any_kind_of_step_leaves_everything_as_it_was(
+    shot: Shot, stage: Path, tmp_path: Path, told_by_blocks: None
+) -> None:
+    """Each is cancelled at its first word, at one on the way and at its last; then it is done, as if never before.
+
+    What was made before is still there, no file has changed or come, and the answer and the picture are those of a
+    session that nobody disturbed.
+    """
+    stroke = dabs(shot, AT, (0.5, 0.1, 0.1))
+    said: dict[int, list[Progress]] = {}
+    hear: list[Callable[[str, float], None]] = [lambda step, share: None]
+    say = lambda step, share: hear[0](step, share)  # noqa: E731
+    (tmp_path / "a").mkdir()
+    (tmp_path / "b").mkdir()
+    whole, cut = (Session(str(stage), elements=200, bounces=2, say=say) for _ in range(2))
+    results = []
+    for session in (whole, cut):
+        session.add_stroke(stroke)
+    for number, call in enumerate(work_with(whole, tmp_path / "a/look.usda")):
+        hear[0] = lambda step, share, n=number: said.setdefault(n, []).append(Progress(step, share))  # type: ignore[misc]
+        results.append(call())
+    for number, call in enumerate(work_with(cut, tmp_path / "b/look.usda")):
+        words = said[number]
+        for at in (1, len(words) // 3, words[-1]):
+            before = dict(vars(cut.shot)), cut.solution, cut.look, files_in(tmp_path)
+            assert cancelled_at(at, call, hear), (number, at, len(words))
+            made, solution, look, files = before
+            assert {k: v for k, v in vars(cut.shot).items() if k in made} == made
+            assert (cut.solution, cut.look, files_in(tmp_path)) == (solution, look, files)
+        results[number] = results[number], call()
+    kinds = {p.step for words in said.values() for p in words}
+    assert kinds >= {"read", "elements", "visibility", "light", "light field", "evidence", "solve", "author", "render",
+                     "stylize"}  # fmt: skip
+    (one, other), (picture, again) = results[7], results[9]
+    assert after(Solution(answers=tuple(one))) == after(Solution(answers=tuple(other)))
+    assert picture["color"].tobytes() == again["color"].tobytes()
+    a, b = ((tmp_path / x / "look.usda").read_bytes() for x in "ab")
+    assert a == b
+
+
+def cancelled_at(
+    word: int | Progress, call: Callable[[], Any], hear: list[Callable[[str, float], None]]
+) -> bool:
+    """Whether a call ends by a cancel at one of its words, or from the nth on; waits for what it left running."""
+    heard = [0]
+
+    def stop(step: str, share: float) -> None:
+        heard[0] += 1
+        if Progress(step, share) == word or (isinstance(word, int) and heard[0] >= word):
+            raise Cancelled
+
+    hear[0] = stop
+    try:
+        call()
+    except Cancelled:
+        return True
+    finally:
+        hear[0] = lambda step, share: None
+        for thread in threading.enumerate():
+            if thread.name == "usdslf-call":
+                thread.join(60)
+    return False
+
+
+def files_in(folder: Path) -> dict[str, bytes]:
+    """Names and contents of all files, and names of all folders."""
+    return {str(p.relative_to(folder)): p.read_bytes() if p.is_file() else b"" for p in folder.rglob("*")}
+
+
+def test_steps_say_a_word_for_each_block_of_their_work(stage: Path, told_by_blocks: None) -> None:
+    """As many words as there are blocks, of the sizes that the modules say, beside beginnings and ends."""
+    from usdslf.elements import neighbours
+    from usdslf.light_field import static_light, visibility
+    from usdslf.rays import CHUNK
+    from usdslf.render import gather
+
+    said: list[str] = []
+    session = Session(str(stage), elements=3000, bounces=1, say=lambda step, share: said.append(step))
+    n = len(session.elements)
+    assert said.count("elements") >= 2 + 8 * n / CHUNK  # candidates, each asked by a ray or more
+    said.clear()
+    entries = len(session.lookup.elements_of_entry)
+    assert said.count("elements") >= 2 + 2 * (entries // neighbours.BATCH)
+    said.clear()
+    assert session.visibility and said.count("visibility") >= 2 + n / visibility.BATCH
+    said.clear()
+    assert len(session.fixed_light) == n and said.count("light") >= 2 + n / static_light.BATCH
+    session.light_field  # noqa: B018
+    said.clear()
+    session.render(size=(160, 90), samples=16)
+    assert said.count("render") >= 2 + 4 * 160 * 90 / gather.CHUNK
 
 
 def test_work_says_how_far_it_is_all_the_time(stage: Path, tmp_path: Path) -> None:

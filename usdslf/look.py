@@ -29,16 +29,18 @@ from usdslf.inference.answers import Pool
 from usdslf.inference.asked import asked_of
 from usdslf.inference.changes import with_varying
 from usdslf.light_field.light_field import Surface
-from usdslf.progress import step, tell
+from usdslf.progress import step, tell, tell_during
 from usdslf.render.picture import LitScene, PictureOptions, render_bands
 from usdslf.scene.records import Camera, Scene
 from usdslf.shot import Shot, converge
 from usdslf.solution import Solution
 from usdslf.stylize.changes import with_styles
+from usdslf.stylize.unsharp_mask import Stylized
 from usdslf.surfaces.reflectance import model_of
 from usdslf.usd.author.author import Instead, author_look, author_review_root, check_look_place
 from usdslf.usd.author.collateral import Reading, look_collateral
-from usdslf.usd.author.read_back import kept_unless_whole, scene_under, stage_under
+from usdslf.usd.author.read_back import scene_under, stage_under
+from usdslf.usd.author.whole import whole_or_as_before
 from usdslf.usd.layer.baked_files import textures_folder
 from usdslf.usd.layer.wins import AuthoredEdit
 
@@ -93,13 +95,25 @@ def author(
 
     Returns: the Look.
 
-    Raises: AuthorError where it cannot be written, or nothing hides it and yet no way of writing it shows.
+    Raises: AuthorError where it cannot be written, or nothing hides it and yet no way of writing it shows.  Then, and
+        where it is cancelled, files are as they were before.
     """
     said: list[str] = []
     seconds: dict[str, float] = {}
     target = _Target(shot, path, strokes_path, mode)
     if not model_of(shot.model).is_authored:
         said.append(_of_phong(solution))
+    check_look_place(shot.source, path)
+    with whole_or_as_before(path, review_root) as kept:
+        look = _author(target, solution, review_root, said, seconds)
+    return replace(look, warnings=(*look.warnings, *kept))
+
+
+def _author(
+    target: _Target, solution: Solution, review_root: PathLike | None, said: list[str], seconds: dict[str, float]
+) -> Look:
+    """Writes a look until all that it shows is worth while."""
+    shot, path = target.shot, target.path
     while True:
         edits, not_shown = _write(target, solution, review_root, said, seconds)
         _say(said, *not_shown)
@@ -148,12 +162,16 @@ def render_shot(
         shot = shot.edited(look.path if isinstance(look, Look) else look)
     view = camera if isinstance(camera, Camera) else shot.camera(camera)
     field, lights = shot.light_field, shot.lights
-    with step("render", shot.seconds):
-        lit = LitScene(shot.scene, shot.tracer, field, lights, shot.device)
-        asked = PictureOptions(samples, shot.element_count, **options)
+    lit = LitScene(shot.scene, shot.tracer, field, lights, shot.device)
+    asked = PictureOptions(samples, shot.element_count, **options)
+
+    def render() -> dict[str, NDArray[np.float32]]:
         for share, pictures in render_bands(lit, view, size, ("color", *aovs), asked):  # noqa: B007
             tell(share)
-    return pictures
+        return pictures
+
+    with step("render", shot.seconds):
+        return tell_during(render)
 
 
 def _say(said: list[str], *sentences: str) -> None:
@@ -207,8 +225,7 @@ def _write(
 ) -> tuple[list[AuthoredEdit], list[str]]:
     """Writes textures, look and review root, as they show; returns also what does not, in words."""
     shot, path = target.shot, target.path
-    check_look_place(shot.source, path)
-    with step("author", seconds), kept_unless_whole(path, said):
+    with step("author", seconds):
         found = _as_shown(target, solution)
         hidden = [f"{e.prim}.{e.attribute} is hidden by {e.hidden_by}: {e.mend}" for e in found.edits if not e.wins]
         if found.missing and not hidden:
@@ -240,8 +257,9 @@ def _as_shown(target: _Target, solution: Solution) -> _Try:
 def _try(target: _Target, solution: Solution, instead: dict[str, Instead]) -> _Try:
     """Writes a look and reads it back."""
     shot, said = target.shot, list[str]()
-    changes = _with_textures(shot, solution, solution.changes(shot, target.mode), target.path, target.color, said)
-    tell()
+    changes = tell_during(
+        lambda: _with_textures(shot, solution, solution.changes(shot, target.mode), target.path, target.color, said)
+    )
     edits = author_look(
         shot.source, changes, target.path, target.provenance(solution), target.strokes_path, warnings=said,
         color=target.color, mode=target.mode, made=shot.made, frame=shot.scene.frame, instead=instead,
@@ -285,18 +303,22 @@ def _read_back(
     varying = [a for a in solution.answers if a.varying or (has_texture and a.chosen.freed and not a.others)]
     if not (varying or solution.stylized):
         return solution, {}
-    under = shot.reopened(stage_under(shot.source, look)).scene
-    if len(under.triangles.mesh) != len(shot.scene.triangles.mesh):
+    scene = shot.reopened(stage_under(shot.source, look)).scene
+    if len(scene.triangles.mesh) != len(shot.scene.triangles.mesh):
         return solution, {}
     as_written: dict[Pool, float] = {}
     field = shot.light_field
+
+    def looked_at() -> tuple[Stylized | None, list[float]]:
+        """What the light field of the look is to a style, and the residuals of what varies."""
+        under = field.with_surface(Surface.of(refresh_reflectance(shot.elements, shot.scene, scene)))
+        converge(under, shot.bounces)
+        style = solution.stylized.as_written(under) if solution.stylized else None
+        return style, [residual_as_written(a, scene, list(solution.painted), under) for a in varying]
+
     with step("author", seconds):
-        field = field.with_surface(Surface.of(refresh_reflectance(shot.elements, shot.scene, under)))
-        converge(field, shot.bounces)
-        if solution.stylized:
-            solution = replace(solution, stylized=solution.stylized.as_written(field))
-        for a in varying:
-            residual = residual_as_written(a, under, list(solution.painted), field)
+        style, residuals = tell_during(looked_at)
+        for a, residual in zip(varying, residuals, strict=True):
             as_written[a.pool] = residual
             if residual > MUCH_WORSE * max(a.residual_after, 0.02):
                 _say(
@@ -304,7 +326,7 @@ def _read_back(
                     f"{shot.scene.materials[a.pool.material].path}: the written look has a residual of "
                     f"{residual:.3f}, the change that was found one of {a.residual_after:.3f}",
                 )
-    return solution, as_written
+    return replace(solution, stylized=style), as_written
 
 
 def _of_phong(solution: Solution) -> str:

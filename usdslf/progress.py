@@ -2,6 +2,8 @@
 
     with step("light", seconds): ...         names what is done now, and takes its time
     tell(share)                              called between blocks, deep inside: how much of the step is done
+    in_blocks(count, size)                   the rows of each block, told after it
+    tell_during(call)                        what cannot be split: the same, again and again until the call is done
     with hearing(hear): ...                  whoever listens; what it raises ends the work at that block
     stepwise(work) -> Generator[Progress]    a function as a generator, which `close` cancels
     run(steps, say) -> what they return      a generator to its end
@@ -12,8 +14,14 @@ that are generators themselves, would make a generator of each function above a 
 threads.  `stepwise` is a listener too: the work runs on one thread of its own, which stands still at each `tell` until
 the generator is asked for more.  Nothing is done that was not asked for, and `close` ends it where it stands.
 
+Blocks cannot be small everywhere: a tree is built, a picture is read, a kernel is compiled in one call of a library,
+and how long that takes is the scene's affair.  `tell_during` makes such calls on a thread of their own, so that the
+thread that waits for them can say so, and be cancelled, at any time.  A call that nobody waits for any more goes on to
+its next `tell`, or to its end, and what it found is dropped.
+
 Work that is cancelled leaves nothing half changed where it only makes new values, as all steps do, and writes files
-beside their place.  Files are written and renamed within `undisturbed`, where nothing is cancelled.
+beside their place.  Files are written and renamed within `undisturbed`, where nothing is cancelled, and which what was
+cancelled does not enter any more.
 """
 
 from __future__ import annotations
@@ -21,13 +29,14 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable, Generator, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext, suppress
 from contextvars import ContextVar, copy_context
 from dataclasses import dataclass
-from queue import SimpleQueue
+from queue import Empty, SimpleQueue
 from typing import Any, TypeVar
 
 Result = TypeVar("Result")
+TOLD_EVERY = 0.05  # seconds, at least, where something is waited for
 
 
 @dataclass(frozen=True)
@@ -59,9 +68,23 @@ class _Step:
         self.name, self.share, self.inner = name, 0.0, 0.0
 
 
+class _Call:
+    """A call that is being made on another thread."""
+
+    def __init__(self) -> None:
+        self.is_abandoned = False
+        self.lock = threading.Lock()  # held by who cancels, or writes what is not cancelled
+
+    def go_on(self) -> None:
+        """Raises Cancelled where nobody waits for it any more."""
+        if self.is_abandoned:
+            raise Cancelled
+
+
 _heard_by: ContextVar[Hear | None] = ContextVar("heard_by", default=None)
 _now: ContextVar[_Step | None] = ContextVar("step", default=None)
 _quiet: ContextVar[bool] = ContextVar("undisturbed", default=False)
+_call: ContextVar[_Call | None] = ContextVar("call", default=None)  # that this is the thread of
 _interrupted = threading.Event()  # by Ctrl-C, within what is undisturbed
 
 
@@ -84,6 +107,75 @@ def tell(share: float | None = None) -> None:
     if share is not None:
         now.share = min(max(now.share, share), 1.0)
     hear(Progress(now.name, now.share))
+
+
+def in_blocks(count: int, size: int) -> Iterator[slice]:
+    """Yields the rows of each block of `size` of `count`, and tells after it."""
+    for first in range(0, count, size):
+        yield slice(first, min(first + size, count))
+        tell()
+
+
+def tell_during(call: Callable[[], Result]) -> Result:
+    """Makes a call on another thread, and tells meanwhile, every TOLD_EVERY seconds and whatever it tells itself.
+
+    Args:
+        call: only makes new values, of what nobody changes: if it is cancelled here, it goes on to its next `tell`.  It
+            asks for no lock that is held here, so for nothing of a Shot that is being made.
+
+    Returns: what it returns.  Where nobody listens it is made on this thread.
+
+    Raises: what it raises, and what the listener raises, at once.
+    """
+    hear = _heard_by.get()
+    if hear is None or _quiet.get() or _call.get() is not None:
+        return call()
+    told: SimpleQueue[Progress | None] = SimpleQueue()
+    made = _Call()
+    results: list[Result] = []
+    errors: list[BaseException] = []
+
+    def pass_on(progress: Progress) -> None:
+        made.go_on()
+        told.put(progress)
+
+    def make_call() -> None:
+        _call.set(made)
+        try:
+            with hearing(pass_on):
+                results.append(call())
+        except BaseException as error:
+            errors.append(error)
+        told.put(None)
+
+    now = _now.get() or _Step("")
+    told.put(Progress(now.name, now.share))
+    threading.Thread(target=copy_context().run, args=(make_call,), name="usdslf-call").start()
+    _hear_until_done(hear, told, made)
+    if errors:
+        error = errors.pop()  # which holds this frame: no circle
+        raise error
+    return results.pop()
+
+
+def _hear_until_done(hear: Hear, told: SimpleQueue[Progress | None], call: _Call) -> None:
+    """Passes on what a call tells, and its last word again while it tells nothing, but not while it writes."""
+    latest = told.get()
+    try:
+        while latest is not None:
+            if call.lock.acquire(blocking=False):
+                try:
+                    hear(latest)
+                except BaseException:
+                    call.is_abandoned = True
+                    raise
+                finally:
+                    call.lock.release()
+            with suppress(Empty):
+                latest = told.get(timeout=TOLD_EVERY)
+    finally:
+        with call.lock:
+            call.is_abandoned = True
 
 
 @contextmanager
@@ -122,11 +214,15 @@ def hearing(hear: Hear) -> Iterator[None]:
 @contextmanager
 def undisturbed() -> Iterator[None]:
     """Lets nothing be cancelled within: what writes a file and renames it, or deletes some that belong together."""
-    token = _quiet.set(True)
-    try:
-        yield
-    finally:
-        _quiet.reset(token)
+    call = _call.get()
+    with call.lock if call and not _quiet.get() else nullcontext():
+        if call:
+            call.go_on()
+        token = _quiet.set(True)
+        try:
+            yield
+        finally:
+            _quiet.reset(token)
     tell()
 
 
@@ -207,5 +303,5 @@ def run(steps: Generator[Progress, None, Result], say: Say | None = None) -> Res
 
 def wait_for(lock: Any) -> None:
     """Acquires a lock (of threading), telling that it waits meanwhile."""
-    while not lock.acquire(timeout=0.05):
+    while not lock.acquire(timeout=TOLD_EVERY):
         tell()

@@ -8,12 +8,9 @@ OCCLUDED query returns 0 where something is in the way and -1 where not, and is 
 
 from __future__ import annotations
 
-import os
-from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import TypeVar
 from weakref import finalize
 
 import numpy as np
@@ -21,8 +18,10 @@ from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 from numpy.typing import NDArray
 
+from usdslf.progress import tell
 from usdslf.scene.records import F32, I32, Scene
 from usdslf.surfaces.surface_points import evaluate_opacity
+from usdslf.threads import Work, map_ahead, thread_count
 
 LEAST_COSINE = 0.005  # rays that a shading normal sends below the surface leave it at this angle
 FAR = np.float32(1e37)  # Embree's "no limit"
@@ -31,7 +30,6 @@ MAX_LAYERS = 32  # see-through surfaces that a ray may pass
 ULPS = 16.0  # offset of ray origins, in units of the last place of the coordinates
 LIFT = 0.2  # of their distance: how far two places are lifted to look at each other
 
-Work = TypeVar("Work")
 Opacity = Callable[[I32, F32], F32]
 """triangle (n,), barycentric (n, 2) -> opacity (n,)."""
 
@@ -43,13 +41,6 @@ class Hits:
     triangle: I32  # (n,) into Scene.triangles, -1 where nothing was hit
     barycentric: F32  # (n, 2)
     distance: F32  # (n,) in lengths of the direction; inf where nothing was hit
-
-
-def thread_count() -> int:
-    """Returns how many processors this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return max(1, len(os.sched_getaffinity(0)))
-    return os.cpu_count() or 1
 
 
 class RayTracer:
@@ -80,8 +71,7 @@ class RayTracer:
         self._usual_extent = float(np.quantile(self._extent, 0.99)) if len(corners) else 0.0
         self._embree = EmbreeScene()
         if len(corners):
-            index = np.arange(3 * len(corners), dtype=np.int32).reshape(-1, 3)
-            TriangleMesh(self._embree, corners.reshape(-1, 3), index)
+            TriangleMesh(self._embree, corners)  # of corners, not of points: it holds the GIL, for less long that way
         self._embree.run(np.zeros((1, 3), np.float32), np.ones((1, 3), np.float32))
         self._pool = ThreadPoolExecutor(self.threads, thread_name_prefix="usdslf-rays")
         finalize(self, self._pool.shutdown, wait=False)
@@ -145,15 +135,8 @@ class RayTracer:
         return triangle, *(np.ascontiguousarray(x) for x in hits.barycentric.T), distance
 
     def map_ahead(self, work: Callable[[int], Work], items: Iterable[int]) -> Iterator[tuple[int, Work]]:
-        """Yields (item, work(item)) in order, working on some items ahead on all threads."""
-        waiting: deque[tuple[int, Future[Work]]] = deque()
-        for item in items:
-            waiting.append((item, self._pool.submit(work, item)))
-            if len(waiting) > 2 * self.threads:
-                first, result = waiting.popleft()
-                yield first, result.result()
-        for first, result in waiting:
-            yield first, result.result()
+        """Yields (item, work(item)) in order, working on some items ahead on all threads: see `threads.map_ahead`."""
+        return map_ahead(self._pool, work, items, 2 * self.threads)
 
     def offset_points(
         self, points: NDArray, geometric_normals: NDArray, triangle: NDArray | None = None
@@ -185,7 +168,7 @@ class RayTracer:
                 run(rows)
         else:
             for _ in self._pool.map(run, slices):
-                pass
+                tell()
 
     def _intersect_into(self, o: F32, d: F32, hits: Hits, rows: slice | NDArray) -> None:
         found = self._embree.run(o, d, output=True)

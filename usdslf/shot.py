@@ -31,7 +31,7 @@ from usdslf.light_field.static_light import static_light
 from usdslf.light_field.visibility import Visibility, trace_visibility
 from usdslf.lights.defaults import lights_or_default
 from usdslf.lights.sources import LightSet
-from usdslf.progress import step, tell, wait_for
+from usdslf.progress import step, tell, tell_during, wait_for
 from usdslf.rays import RayTracer
 from usdslf.render.overview_camera import overview_camera
 from usdslf.scene.difference import Afresh, is_same_but_for_reflectance, why_not_comparable
@@ -49,17 +49,17 @@ MOST_ELEMENTS = (1 << 22) - 1
 Value = TypeVar("Value")
 
 
-class _Lazy(Generic[Value]):
+class Lazy(Generic[Value]):
     """A value of a Shot that is made once, at first use, by one thread."""
 
     def __init__(self, make: Callable[[Any], Value]) -> None:
         self._make, self._name, self.__doc__ = make, make.__name__, make.__doc__
 
     @overload
-    def __get__(self, shot: None, owner: type) -> _Lazy[Value]: ...
+    def __get__(self, shot: None, owner: type) -> Lazy[Value]: ...
     @overload
     def __get__(self, shot: Shot, owner: type) -> Value: ...
-    def __get__(self, shot: Shot | None, owner: type) -> Value | _Lazy[Value]:
+    def __get__(self, shot: Shot | None, owner: type) -> Value | Lazy[Value]:
         if shot is None:
             return self
         # What is made stands in the instance's dictionary, where it is found before this.
@@ -163,7 +163,7 @@ class Shot:
 
     # ── what is made at first use ──────────────────────────────────────────────────────────────
 
-    @_Lazy
+    @Lazy
     def scene(self) -> Scene:
         """The shot as records."""
         with step("read", self.seconds):
@@ -171,110 +171,118 @@ class Shot:
         self.warn(*scene.warnings, *(self.made.warnings if self.made else ()))
         return replace(scene, stage=self.path)
 
-    @_Lazy
+    @Lazy
     def device(self) -> Device:
         """The OpenCL device."""
-        return self.device_name if isinstance(self.device_name, Device) else open_device(self.device_name)
+        name = self.device_name
+        return name if isinstance(name, Device) else tell_during(lambda: open_device(name))
 
-    @_Lazy
+    @Lazy
     def tracer(self) -> RayTracer:
         """Rays against the scene."""
         scene = self.scene
         with step("read", self.seconds):
-            return RayTracer(scene)
+            return tell_during(lambda: RayTracer(scene))
 
-    @_Lazy
+    @Lazy
     def lights(self) -> tuple[Light, ...]:
         """The shot's lights, or the stated default where it has none."""
         lights, sentence = lights_or_default(self.scene)
         self.warn(*filter(None, [sentence]))
         return lights
 
-    @_Lazy
+    @Lazy
     def light_set(self) -> LightSet:
         """All that shines."""
         lights, scene = self.lights, self.scene
         with step("light", self.seconds):
-            return LightSet(scene, lights)
+            return tell_during(lambda: LightSet(scene, lights))
 
-    @_Lazy
+    @Lazy
     def kept(self) -> ShotCache | None:
         """What is kept of it between runs; None where nothing is, or where it goes on from another frame."""
         if self.laid is not None or self.start or not keeps(True):
             return None
         return ShotCache(self.scene, self.lights, self.device, self.element_count)
 
-    @_Lazy
+    @Lazy
     def elements(self) -> Elements:
         """Points on all surfaces.
 
         Raises: MemoryError_ where their light field does not fit the device, StageError where there is no surface.
         """
-        scene, tracer = self.scene, self.tracer
+        scene, tracer, kept = self.scene, self.tracer, self.kept
         require_memory(self.device, self.element_count)
         compute = lambda: sample_elements(scene, tracer, self.element_count, np.random.default_rng(0))  # noqa: E731
         with step("elements", self.seconds):
-            return self.kept.elements(compute) if self.kept else compute()
+            return tell_during(lambda: kept.elements(compute) if kept else compute())
 
-    @_Lazy
+    @Lazy
     def lookup(self) -> ElementLookup:
         """Near elements of any point."""
-        elements = self.elements
+        elements, scene, tracer, kept = self.elements, self.scene, self.tracer, self.kept
         with step("elements", self.seconds):
-            if self.kept:
-                return self.kept.lookup(elements, self.tracer)
-            return ElementLookup(self.scene, self.tracer, elements)
+            return tell_during(
+                lambda: kept.lookup(elements, tracer) if kept else ElementLookup(scene, tracer, elements)
+            )
 
-    @_Lazy
+    @Lazy
     def visibility(self) -> Visibility:
         """What each element sees in each direction."""
-        lookup, device, elements = self.lookup, self.device, self.elements
-        compute = lambda: trace_visibility(elements, lookup, self.tracer, device)  # noqa: E731
+        lookup, device, elements, tracer = self.lookup, self.device, self.elements, self.tracer
+        kept, compute = self.kept, lambda: trace_visibility(elements, lookup, tracer, device)
         with step("visibility", self.seconds):
-            return self.kept.visibility(elements, compute) if self.kept else compute()
+            return tell_during(lambda: kept.visibility(elements, compute) if kept else compute())
 
-    @_Lazy
+    @Lazy
     def dark_probes(self) -> DarkProbes:
         """Places without elements, which other frames ask again for light."""
-        elements = self.elements
+        elements, scene, tracer = self.elements, self.scene, self.tracer
         with step("elements", self.seconds):
-            return probe_dark(elements, self.scene, self.tracer)
+            return tell_during(lambda: probe_dark(elements, scene, tracer))
 
-    @_Lazy
+    @Lazy
     def fixed_light(self) -> NDArray[np.float32]:
         """Light (N, D, 3) that no edit changes."""
-        visibility, lights, elements = self.visibility, self.lights, self.elements
-        compute = lambda: static_light(elements, self.tracer, lights, visibility).diffuse  # noqa: E731
+        visibility, lights, elements, tracer = self.visibility, self.lights, self.elements, self.tracer
+        kept, compute = self.kept, lambda: static_light(elements, tracer, lights, visibility).diffuse
         with step("light", self.seconds):
-            return self.kept.fixed_light(elements, compute) if self.kept else compute()
+            return tell_during(lambda: kept.fixed_light(elements, compute) if kept else compute())
 
-    @_Lazy
+    @Lazy
     def light_field(self) -> LightField:
         """The surface light field of the shot as it is; others start from it (`LightField.with_surface`)."""
-        fixed, visibility, normals = self.fixed_light, self.visibility, self.scene.triangles.face_normals
-        with step("light field", self.seconds):
-            found = LightField(self.device, self.elements, self.lookup, visibility, fixed, normals, self.model)
+        fixed, elements, kept = self.fixed_light, self.elements, self.kept
+        links, normals = (self.device, elements, self.lookup, self.visibility), self.scene.triangles.face_normals
+
+        def make() -> LightField:
+            found = LightField(*links, fixed, normals, self.model)
             if self.start:
                 found.start_from(self.start[0])
-            if self.kept:
+            if kept:
                 found.set_radiance(
-                    self.kept.radiance(self.elements, self.model, self.bounces, lambda: _converged(found, self.bounces))
+                    kept.radiance(elements, self.model, self.bounces, lambda: _converged(found, self.bounces))
                 )
             else:
                 converge(found, self.bounces)
             found.rest()
-        self.start.clear()
-        return found
+            return found
 
-    @_Lazy
+        with step("light field", self.seconds):
+            made = tell_during(make)
+        self.start.clear()
+        return made
+
+    @Lazy
     def gathered(self) -> Gathered:
         """What was traced for strokes on it."""
         return Gathered()
 
-    @_Lazy
+    @Lazy
     def overview(self) -> Camera:
         """A camera that sees everything."""
-        return overview_camera(self.scene, self.tracer)
+        scene, tracer = self.scene, self.tracer
+        return tell_during(lambda: overview_camera(scene, tracer))
 
     def camera(self, path: str | None = None) -> Camera:
         """Returns a camera of the shot, the first one by default, or one that sees everything.
@@ -336,8 +344,9 @@ class Shot:
         placed = why_not_comparable(self.laid.scene if self.laid else self.scene, other.scene)
         if placed is None:
             laid = self.laid or Placed(self.scene, self.elements, self.lookup, self.visibility, self.dark_probes)
+            scene, tracer = other.scene, other.tracer
             with step("visibility", other.seconds):
-                placed = carry(laid, other.scene, other.tracer, self.device)
+                placed = tell_during(lambda: carry(laid, scene, tracer, self.device))
         if isinstance(placed, Afresh):
             other.warn(f"frame {frame:g} {placed}: its elements are placed afresh")
             return other

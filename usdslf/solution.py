@@ -27,7 +27,7 @@ from usdslf.inference.direct import gather_stroke, infer_changes
 from usdslf.inference.indirect import infer_indirect
 from usdslf.inference.weights import Options
 from usdslf.light_field.light_field import LightField
-from usdslf.progress import Progress, step, stepwise, tell
+from usdslf.progress import Progress, step, stepwise, tell, tell_during
 from usdslf.shot import Shot
 from usdslf.similarity.similarity import Weights
 from usdslf.strokes.stroke import Stroke
@@ -192,10 +192,10 @@ def find_solution(shot: Shot, strokes: Sequence[Stroke], settings: Settings | No
         painted = []
         for stroke in asked:
             gather = partial(gather_stroke, stroke, shot.scene, shot.tracer, before, shot.light_set)
-            painted.append(shot.gathered.of(stroke, gather, said))
+            painted.append(tell_during(partial(shot.gathered.of, stroke, gather, said)))
             tell(len(painted) / len(asked))
     with step("solve", seconds):
-        answers, as_preview = _answers(shot, painted, field, s, said)
+        answers, as_preview = tell_during(lambda: _answers(shot, painted, field, s, said))
     for a in answers:
         if a.is_ambiguous and not a.others:
             names = ", ".join(active[i].path for i in a.pool.strokes)
@@ -246,9 +246,14 @@ def find_style(shot: Shot, amount: float = AMOUNT, radius: float = RADIUS, norm:
     free = editable_materials(scene, [int(m) for m in np.unique(scene.triangles.material)], said)
     field = shot.light_field
     field = field.with_surface(field.surface)
-    with step("stylize", seconds):
+
+    def stylized() -> Stylized:
         near = find_surroundings(shot.elements, shot.tracer, radius * scene.diagonal)
         check_surroundings(near, scene)
         for number, found in enumerate(stylize_light(field, near, amount, radius, free, shot.bounces, norm)):  # noqa: B007
             tell((number + 1) / 2)
+        return found
+
+    with step("stylize", seconds):
+        found = tell_during(stylized)
     return Solution(stylized=found, warnings=tuple(said), seconds=MappingProxyType(seconds))

@@ -13,7 +13,8 @@ from usdslf.edits.edits import Reflectance
 from usdslf.edits.read_back import Asked, why_missing
 from usdslf.errors import AuthorError
 from usdslf.surfaces.surface_points import evaluate_surface
-from usdslf.usd.author.read_back import kept_unless_whole, scene_under
+from usdslf.usd.author.read_back import scene_under
+from usdslf.usd.author.whole import whole_or_as_before
 from usdslf.usd.read.read import open_stage, read_scene
 
 PAINTED = (0.066, 0.379, 0.014)  # of .1, .4, .05 in a dome of radiance 1
@@ -161,7 +162,7 @@ def test_a_look_that_is_not_shown_is_refused(run, inputs: Path, tmp_path: Path, 
 def test_a_refused_look_leaves_the_earlier_one(tmp_path: Path) -> None:
     look = tmp_path / "look.usda"
     look.write_text("earlier")
-    with pytest.raises(AuthorError), kept_unless_whole(look):
+    with pytest.raises(AuthorError), whole_or_as_before(look):
         look.write_text("new")
         raise AuthorError("no")
     assert look.read_text() == "earlier"

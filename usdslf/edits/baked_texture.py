@@ -22,6 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from usdslf.color import Color, color_of
 from usdslf.errors import AuthorError
+from usdslf.progress import tell, undisturbed
 from usdslf.replacing import beside, put_in_place
 from usdslf.scene.records import F32, F64, Scene, Texture
 from usdslf.textures.images import load_texture
@@ -88,7 +89,9 @@ def bake_texture(
         making.place.parent.mkdir(parents=True, exist_ok=True)
         for tile, image in sorted(images.items()):
             making.add_tile(tile, image, size)
-        file = making.finish()
+            tell()
+        with undisturbed():
+            file = making.finish()
     except OSError as error:
         folder = making.place.parent
         raise AuthorError(f"{folder} cannot be written: {error.strerror or error}; choose another place") from None
@@ -253,6 +256,7 @@ def _drawn(
         for c, row in enumerate(total):
             np.add.at(row, at, values.reshape(len(at), -1)[:, c])
         np.add.at(hits, at, np.uint16(1))
+        tell()
     total /= np.maximum(hits, 1)
     return np.moveaxis(total.reshape(channels, height, width), 0, -1), hits.reshape(height, width)
 
@@ -262,6 +266,7 @@ def _covered(shape: tuple[int, ...], uv: F64, wraps: tuple[str, str]) -> NDArray
     out = np.zeros(shape[:2], bool)
     for points in texel_points(uv, shape[1], shape[0], *wraps):
         out[points.y, points.x] = True
+        tell()
     return out
 
 

@@ -24,6 +24,7 @@ from usdslf.edits.baked_texture import Baked, bake_texture, plain_texture
 from usdslf.edits.edits import ByVertex
 from usdslf.geometry.closest_point import nearest_on_triangles
 from usdslf.geometry.uv_layout import common_sets, lies_flat
+from usdslf.progress import tell_during
 from usdslf.scene.records import F64, Material, Scene, Texture
 from usdslf.similarity.similarity import Places, places_at
 from usdslf.surfaces.preview_surface import NATURAL_IOR, ior_for, normal_reflectance
@@ -280,7 +281,7 @@ def _by_vertex(scene: Scene, material: int, name: str, v: Varies, at_points: dic
         if gprim not in at_points:
             mesh = next(i for i, one in enumerate(scene.meshes) if one.path == gprim)
             own = np.flatnonzero((table.mesh == mesh) & (table.material == material))
-            near = nearest_on_triangles(table.positions[own], points)
+            near = tell_during(lambda: nearest_on_triangles(table.positions[own], points))
             triangle, barycentric = own[near.triangle].astype(np.int32), near.barycentric.astype(np.float32)
             at_points[gprim] = places_at(scene, triangle, barycentric)
         return input_values(m, name, v, at_points[gprim])[1]

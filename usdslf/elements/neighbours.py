@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from usdslf.progress import in_blocks
 from usdslf.rays import LIFT, see_each_other
 from usdslf.sampling.blue_noise import surface_coordinates
 from usdslf.scene.records import F32
@@ -55,14 +56,16 @@ def near_elements(
     k = min(ASKED, count)
     reach = np.linalg.norm(np.ptp(both[:, :-1], axis=0)) + 1.0  # of a group: others are not looked at
     tree = cKDTree(both[:count])
-    near = tree.query(both[count:], k=k, distance_upper_bound=reach, workers=tracer.threads)[1].reshape(-1, k)
+    near = np.empty((len(position), k), np.int64)
+    for rows in in_blocks(len(position), BATCH):
+        asked_for = both[count:][rows]
+        near[rows] = tree.query(asked_for, k, distance_upper_bound=reach, workers=tracer.threads)[1].reshape(-1, k)
     found = near < count
     near = own[np.where(found, near, 0)]
     out = np.full((len(position), NEAR), NONE, np.uint32)
     far = np.zeros(len(position), np.float32)
     position, normal, face = (a.astype(np.float32) for a in (position, normal, face))
-    for a in range(0, len(position), BATCH):
-        rows = slice(a, a + BATCH)
+    for rows in in_blocks(len(position), BATCH):
         same = found[rows] & (element_group[near[rows]] == group[rows, None])
         out[rows], far[rows] = _in_sight(tracer, elements, near[rows], same, position[rows], normal[rows], face[rows])
     return out, far

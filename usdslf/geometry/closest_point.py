@@ -1,7 +1,7 @@
 """The point of a triangle, or of many, that is nearest to a point in space.
 
-    nearest_on_triangles(corners, points, pair=None) -> Nearest
-    triangles_within(corners, points, reach) -> (pairs of point and triangle)
+nearest_on_triangles(corners, points, pair=None) -> Nearest
+triangles_within(corners, points, reach) -> (pairs of point and triangle)
 """
 
 from __future__ import annotations
@@ -13,8 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from usdslf.progress import in_blocks, tell
 from usdslf.scene.records import F64
 
+BLOCK = 1024  # points that are looked at between two words of progress
 CHUNK = 4_000_000  # pairs of point and triangle that are looked at together
 
 
@@ -43,21 +45,44 @@ def nearest_on_triangles(corners: NDArray, points: NDArray, pair: NDArray | None
     if pair is not None:
         return _best_of_pairs(n, np.asarray(pair), np.arange(len(corners)), corners, points)
     usable = np.flatnonzero(np.isfinite(corners).all((1, 2)))
-    point, triangle = [np.zeros(0, int)], [np.zeros(0, int)]
-    if len(usable) and n:
-        center = corners[usable].mean(1)
-        radius = np.linalg.norm(corners[usable] - center[:, None], axis=2).max(1)
-        marks = np.concatenate([center, corners[usable].reshape(-1, 3)])
-        enough = cKDTree(marks).query(points)[0] + 1e-9 * (np.abs(marks).max() + np.abs(points).max())
-        size = np.ceil(np.log2(np.maximum(radius, 1e-6 * radius.max() + 1e-300)))
-        for one in np.unique(size):  # alike in size: a single large triangle must not widen the search among small ones
-            rows = np.flatnonzero(size == one)
-            found = cKDTree(center[rows]).query_ball_point(points, enough + radius[rows].max())
-            i, j = np.repeat(np.arange(n), [len(f) for f in found]), rows[np.fromiter(chain(*found), int)]
-            near = np.linalg.norm(points[i] - center[j], axis=1) <= enough[i] + radius[j]
+    if not len(usable):
+        return _best_of_pairs(n, np.zeros(0, int), np.zeros(0, int), corners, points)
+    spheres = _Spheres(usable, corners[usable])
+    rounding = 1e-9 * (np.abs(spheres.marks).max() + np.abs(points).max(initial=0))
+    out = Nearest(np.zeros(n, np.int64), np.zeros((n, 2)), np.full(n, np.inf))
+    for rows in in_blocks(n, BLOCK):
+        point, triangle = spheres.that_may_be_nearest(points[rows], rounding)
+        best = _best_of_pairs(rows.stop - rows.start, point, triangle, corners, points[rows])
+        out.triangle[rows], out.barycentric[rows], out.distance[rows] = best.triangle, best.barycentric, best.distance
+    return out
+
+
+class _Spheres:
+    """The spheres about triangles, sorted by size: a single large one must not widen the search among small ones."""
+
+    def __init__(self, number: NDArray, corners: F64) -> None:
+        """Sorts the spheres of triangles (T, 3, 3), by `number` (T,) of each."""
+        self.number, self.center = number, corners.mean(1)
+        self.radius = np.linalg.norm(corners - self.center[:, None], axis=2).max(1)
+        self.marks = np.concatenate([self.center, corners.reshape(-1, 3)])
+        self.tree = cKDTree(self.marks)
+        tell()
+        size = np.ceil(np.log2(np.maximum(self.radius, 1e-6 * self.radius.max() + 1e-300)))
+        alike = [np.flatnonzero(size == one) for one in np.unique(size)]
+        self.classes = [(rows, cKDTree(self.center[rows]), self.radius[rows].max()) for rows in alike]
+
+    def that_may_be_nearest(self, points: F64, rounding: float) -> tuple[NDArray, NDArray]:
+        """Pairs of point (k,) and number (k,) of a triangle whose sphere comes as near as the nearest mark."""
+        enough = self.tree.query(points)[0] + rounding
+        point, triangle = [np.zeros(0, int)], [np.zeros(0, int)]
+        for rows, tree, largest in self.classes:
+            found = tree.query_ball_point(points, enough + largest)
+            i = np.repeat(np.arange(len(points)), [len(f) for f in found])
+            j = rows[np.fromiter(chain(*found), int)]
+            near = np.linalg.norm(points[i] - self.center[j], axis=1) <= enough[i] + self.radius[j]
             point.append(i[near])
-            triangle.append(usable[j[near]])
-    return _best_of_pairs(n, np.concatenate(point), np.concatenate(triangle), corners, points)
+            triangle.append(self.number[j[near]])
+        return np.concatenate(point), np.concatenate(triangle)
 
 
 def triangles_within(corners: NDArray, points: NDArray, reach: NDArray) -> tuple[NDArray, NDArray]:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from usdslf.light_field.light_field import LightField
 from usdslf.lights.sources import LightSet
+from usdslf.progress import tell
 from usdslf.sampling.frames import frames_about
 from usdslf.sampling.low_discrepancy import random_shifts, sobol_points
 from usdslf.scene.records import F64, Scene
@@ -212,6 +213,7 @@ def _trace(p: _Points, t: _Trace) -> Samples:
         direction, light = _sample_source(source, p, t)
         locals_.append(direction)
         lights_in.append(np.stack([source.diffuse * light, source.specular * light]))
+        tell()
     all_local = np.concatenate(locals_, 1)
     gain = np.concatenate([inverse.reshape(s, t.rays), np.zeros((s, all_local.shape[1] - t.rays))], 1)
     light_d, light_s = np.concatenate(lights_in, 2).astype(np.float32)

@@ -18,6 +18,7 @@ from usdslf.inference.bilinear import Tables
 from usdslf.inference.candidate import GROUPS, Candidate
 from usdslf.inference.fit import Problem, Specular, Way, fit, fit_robustly, relative_residuals
 from usdslf.inference.weights import Options
+from usdslf.progress import tell
 
 FEWEST_HEARD = 4  # dabs; fewer count as many
 COLOR_GAIN = 4.0  # misfit for which a grey metal becomes coloured
@@ -60,6 +61,7 @@ def _fitted(problem: Problem, way: Way, level: int, robust: bool = False) -> Can
     can_be_factor = t.is_textured if way.diffuse else t.is_textured_f0 and way.specular is Specular.COLOR
     how = fit_robustly if robust else fit
     found = how(problem, way, level)
+    tell()
     if can_be_factor:
         as_factor = how(problem, replace(way, is_factor=True), level)
         if as_factor.misfit < found.misfit:

@@ -215,6 +215,7 @@ class LightField:
             if level.coarse:
                 arrays |= {f"folded_{k}": self.device.upload(blocks_of(getattr(level, k))) for k in "ab"}
             self._levels[roughness] = (level, arrays)
+            tell()
         return self._levels[roughness]
 
     def bounce(self) -> float:

@@ -19,7 +19,7 @@ from usdslf.light_field.visibility import Visibility
 from usdslf.lights.dome import Dome, Peaks, table_index
 from usdslf.lights.sampling import LightHit, LightSample, intersect_light, is_delta, sample_light
 from usdslf.progress import tell
-from usdslf.rays import RayTracer, thread_count
+from usdslf.rays import RayTracer
 from usdslf.sampling.hemisphere import (
     SIDE,
     SOLID_ANGLE,
@@ -30,6 +30,7 @@ from usdslf.sampling.hemisphere import (
 )
 from usdslf.sampling.low_discrepancy import random_shifts, sobol_points
 from usdslf.scene.records import F32, Light
+from usdslf.threads import map_ahead, thread_count
 
 if TYPE_CHECKING:
     from usdslf.elements.elements import Elements
@@ -99,7 +100,8 @@ def static_light(
 
     origins = tracer.offset_points(elements.position, elements.geometric_normal, elements.triangle)
     done = 0  # lights
-    with ThreadPoolExecutor(thread_count()) as pool:
+    threads = thread_count()
+    with ThreadPoolExecutor(threads) as pool:
         for light, dome in domes:
             read = _reader(elements, dome, visibility)
 
@@ -107,7 +109,7 @@ def static_light(
                 rows = slice(first, min(first + STEP, n))
                 add(slice(rows.start * D, rows.stop * D), read(rows), light)
 
-            done = _add_all(pool.map(add_dome, range(0, n, STEP)), done, len(used))
+            done = _add_all(map_ahead(pool, add_dome, range(0, n, STEP), 2 * threads), done, len(used))
         for source in drawn:
             shifts = random_shifts(n, rng)
 
@@ -116,11 +118,11 @@ def static_light(
                 at, value = _drawn_light(source, origins[rows], elements.frame[rows], shifts[rows], tracer)
                 add(at + first * D, value, source.light)
 
-            done = _add_all(pool.map(add_drawn, range(0, n, BATCH)), done, len(used))
+            done = _add_all(map_ahead(pool, add_drawn, range(0, n, BATCH), 2 * threads), done, len(used))
     return StaticLight(diffuse, specular)
 
 
-def _add_all(parts: Iterator[None], done: int, lights: int) -> int:
+def _add_all(parts: Iterator[tuple[int, None]], done: int, lights: int) -> int:
     """Waits for all parts of one more light, and tells; returns how many of the lights are done."""
     for _ in parts:
         tell()

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from usdslf.color import LUMINANCE
 from usdslf.lights.large_picture import reduced, shining
+from usdslf.progress import in_blocks
 from usdslf.scene.records import F32, F64, Light
 from usdslf.textures.images import load_light_texture
 
@@ -106,10 +107,10 @@ class Dome:
         k = max(1, int(np.ceil(np.sqrt(24 * rows * rows / (height * width)))))  # parts of a pixel, each way
         block = max(1, (1 << 19) // (width * k * k))  # rows of pixels at a time
         total = np.zeros((4, (rows + 2) ** 2))
-        for first in range(0, height, block):
-            r = np.arange(first * k, min(first + block, height) * k)
+        for band in in_blocks(height, block):
+            r = np.arange(band.start * k, band.stop * k)
             local, weight = _latlong_cells(r, height * k, width * k)
-            value = pixels[np.arange(first, min(first + block, height))]
+            value = pixels[band]
             if k > 1:
                 value = _bilinear_latlong(pixels, local)
             value = value.reshape(-1, 3)

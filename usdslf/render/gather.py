@@ -11,6 +11,7 @@ full detail, corners get no leaks, and no path is long enough to be noisy.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import Protocol, cast
@@ -21,12 +22,14 @@ from numpy.typing import NDArray
 from usdslf.color import luminance
 from usdslf.gpu.device import Device
 from usdslf.lights.sources import Arrival, LightSet, Source, brightest, dot
+from usdslf.progress import tell
 from usdslf.rays import Hits, RayTracer
 from usdslf.render.guide import GuidingField, LightGuide
 from usdslf.render.lobes import COLUMNS, Lobes, ShadingPoints, reflect, shading_points
 from usdslf.render.wide_field import NearField, WideField
 from usdslf.scene.records import F32, I32, Scene
 from usdslf.surfaces.surface_points import evaluate_surface
+from usdslf.threads import map_ahead
 
 CHUNK = 1 << 14  # points that one thread works on: their rays stay in the caches
 FOOTPRINT = 12.0  # element areas that a ray's footprint must cover for the light field to be good enough
@@ -125,34 +128,40 @@ class Gatherer:
             place: (n,) of each point in the interleaving tile: its samples are `place * count` and following.
             near_place: (n,) in the smaller tile of lights that have a place, whose shadows are to stay sharp.
         """
-        parts = [slice(i, i + CHUNK) for i in range(0, len(p), CHUNK)] or [slice(0, 0)]
 
-        def gather_part(part: slice) -> tuple[F32, F32, F32, F32]:
+        def gather_part(first: int) -> tuple[F32, F32, F32, F32]:
+            part = slice(first, first + CHUNK)
             q = p[part]
             sampled, dome, exact = self._sample_lights(q, place[part], near_place[part], rays, light_samples, seed)
             lit, indirect = self._send_rays(q, place[part], rays, light_samples, seed)
             return sampled, dome + lit, indirect, exact
 
-        with ThreadPoolExecutor(self.tracer.threads) as pool:
-            done = list(pool.map(gather_part, parts))
-        return Illumination(*(np.concatenate(c) for c in zip(*done, strict=True)))
+        return Illumination(*self._in_parts(gather_part, len(p), CHUNK))
 
     def gather_more(
         self, p: ShadingPoints, place: NDArray[np.uint32], rays: int, light_samples: int, times: int, seed: int
     ) -> tuple[F32, F32]:
         """Gathers `direct` and `indirect` of `gather` anew, with `times` the samples, for points that need them."""
-        parts = [slice(i, i + CHUNK // times) for i in range(0, len(p), CHUNK // times)] or [slice(0, 0)]
+        size = CHUNK // times
 
-        def gather_part(part: slice) -> tuple[F32, F32]:
+        def gather_part(first: int) -> tuple[F32, F32]:
+            part = slice(first, first + size)
             q, at = p[part], place[part]
             dome = self._sample_lights(q, at, at, rays, light_samples, seed, times)[1]
             lit, indirect = self._send_rays(q, at, rays, light_samples, seed, times)
             return dome + lit, indirect
 
-        with ThreadPoolExecutor(self.tracer.threads) as pool:
-            done = list(pool.map(gather_part, parts))
-        direct, indirect = (np.concatenate(c) for c in zip(*done, strict=True))
+        direct, indirect = self._in_parts(gather_part, len(p), size)
         return direct, indirect
+
+    def _in_parts(self, gather_part: Callable[[int], tuple[F32, ...]], count: int, size: int) -> Iterator[F32]:
+        """Yields the columns of all parts of some points, each of which begins at one; tells after each part."""
+        done = []
+        with ThreadPoolExecutor(self.tracer.threads) as pool:
+            for _, part in map_ahead(pool, gather_part, range(0, max(count, 1), size), 2 * self.tracer.threads):
+                done.append(part)
+                tell()
+        return (np.concatenate(c) for c in zip(*done, strict=True))
 
     def _sample_lights(
         self,

@@ -19,11 +19,11 @@ from usdslf.color import luminance
 from usdslf.elements.neighbours import NONE
 from usdslf.gpu.device import Device
 from usdslf.lights.sources import LightSet
-from usdslf.rays import thread_count
 from usdslf.render.wide_field import BLOCK
 from usdslf.sampling.blue_noise import surface_coordinates
 from usdslf.sampling.hemisphere import SIDE, D, bin_directions
 from usdslf.scene.records import F32, I32
+from usdslf.threads import thread_count
 
 if TYPE_CHECKING:
     from usdslf.elements.elements import Elements

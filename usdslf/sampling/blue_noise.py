@@ -15,6 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from usdslf.progress import tell
+
 HEXAGONAL = np.sqrt(2 / np.sqrt(3))  # distance of the densest packing of unit cells
 RADII = (0.86, 0.80, 0.74, 0.66, 0.55, 0.4)  # of HEXAGONAL; about 0.8 is the best that can be filled
 NORMAL_WEIGHT = 0.6  # opposite faces of a thin slab count as 1.2 spacings apart
@@ -77,6 +79,7 @@ def choose_blue_noise(
             free[take] = False
             free[b[chosen[a]]] = False
             free &= left[group] > 0
+            tell()
     return np.flatnonzero(chosen)
 
 

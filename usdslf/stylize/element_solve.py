@@ -29,6 +29,7 @@ from numpy.typing import NDArray
 
 from usdslf.light_field.light_field import LANES, LightField, levels_of
 from usdslf.light_field.preconvolution import LevelKernel
+from usdslf.progress import tell
 from usdslf.sampling.hemisphere import D
 from usdslf.scene.records import F64
 from usdslf.surfaces.reflectance import LEVEL_COUNT, are_metal, column_weights, gloss_levels, model_of
@@ -106,6 +107,7 @@ def enumerate_elements(
             np.asarray(element[rows], np.int64), wanted_d, np.ones((n, D)) if weight is None else weight[rows],
             np.zeros((n, 2)) if hold is None else hold[rows],
         )  # fmt: skip
+        tell()
 
 
 def choose_candidates(

@@ -27,6 +27,7 @@ from usdslf.edits.edits import FREED
 from usdslf.elements.elements import Elements
 from usdslf.errors import AuthorError, InputError
 from usdslf.light_field.light_field import LightField, Surface
+from usdslf.progress import tell
 from usdslf.sampling.blue_noise import surface_coordinates
 from usdslf.sampling.hemisphere import D, bin_directions
 from usdslf.scene.records import F64, Scene
@@ -179,6 +180,8 @@ def mask_light(field: LightField, near: Surroundings, amount: float) -> Any:
                 (up64, groups), (64, 1), first_d, other_d, weight_d, shown_d, asked_d, count, detail_d
             )
             kernel("add_detail", place_d, *light, number, count, detail_d, np.float32(amount), wanted_d)
+            device.finish()
+            tell()
     return wanted_d
 
 

@@ -145,7 +145,7 @@ def _author(
     written = [replace(e, **by) if _place(e) in lost else e for e in written]
     write_layer(layer, out)
     if earlier and not how.get("keeps_textures", False):
-        said += drop_unused(earlier, layer, out)
+        said += drop_unused(earlier, set(), out)
     for (at, group, chosen), path in look.variants.items():
         said.append(f"{path} is edited in the variant {group}={chosen} of {at} only: other variants stay.")
     review = compose_over(stage, layer)

@@ -1,10 +1,11 @@
 """Texture files that were baked for a look layer: those that it no longer names are taken away.
 
     textures_folder(look) -> Path                        where they are, beside it
-    drop_unused(earlier, layer, look) -> list[str]       deletes; a sentence for what stays and why
+    baked_files(folder) -> set[Path]                     those in it
+    drop_unused(earlier, new, look) -> list[str]         deletes; a sentence for what stays and why
 
-A file goes only if the look named it before and does not now, its name is one of ours, and no other USD layer beside
-the look names it: a copy of a look that was kept keeps its textures.
+A file goes only if the look named it before or it is new, the look does not name it now, its name is one of ours, and
+no other USD layer beside the look names it: a copy of a look that was kept keeps its textures.
 """
 
 from __future__ import annotations
@@ -27,15 +28,24 @@ def textures_folder(look: str | os.PathLike[str]) -> Path:
     return Path(look).with_suffix(".textures")
 
 
-def drop_unused(earlier: Sdf.Layer, layer: Sdf.Layer, look: Path) -> list[str]:
-    """Deletes the textures that an earlier state of a look named and its present one does not.
+def baked_files(folder: Path) -> set[Path]:
+    """Returns the files in a folder that have names of ours."""
+    return {folder.resolve() / n for n in os.listdir(folder) if _OURS.match(n)} if folder.is_dir() else set()
+
+
+def drop_unused(earlier: Sdf.Layer | None, new: set[Path], look: Path) -> list[str]:
+    """Deletes the textures that a look does not name, of those that it named earlier and those that are new.
 
     Args:
+        earlier: its earlier state.
+        new: files in its folder of textures.
         look: its file, written already.
     """
     folder = textures_folder(look).resolve()
-    before = {p for p in _assets(earlier, look.parent) if p.parent == folder and _OURS.match(p.name)}
-    unused = before - _assets(layer, look.parent)
+    before = _assets(earlier, look.parent) if earlier else set()
+    before = {p for p in before if p.parent == folder and _OURS.match(p.name)}
+    named = _assets(Sdf.Layer.OpenAsAnonymous(str(look)), look.parent)
+    unused = (before | new) - named - {file for name in named if "<UDIM>" in name.name for file in _files(name)}
     if not unused:
         return []
     for other in sorted(look.parent.iterdir()):

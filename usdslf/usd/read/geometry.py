@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 from pxr import Usd, UsdGeom
 
-from usdslf.geometry.shape import REFINED_FACES_MAX, Shape, build_shape, fingerprint, place
-from usdslf.progress import tell
+from usdslf.geometry.shape import REFINED_FACES_MAX, Polygons, Shape, build_shape, fingerprint, place
+from usdslf.progress import tell, tell_during
 from usdslf.scene.records import F32, F64, I32, Mesh
 from usdslf.usd.binding import bound_material
 from usdslf.usd.notes import Notes
@@ -27,6 +27,7 @@ from usdslf.usd.read.skinning import Skins
 
 TRIANGLES_MAX = 30_000_000  # of a stage, after instancing
 PRIMS = 256  # that are read between two words of progress
+LARGE = 4000  # corners of a gprim that is built by itself between two words
 REFINED_TRIANGLES_MAX = 3_000_000  # of a stage; cages are refined less rather than pass it
 
 _CONSTANT = {"constant": 1}
@@ -167,7 +168,7 @@ class _Reader:
 
         key = fingerprint(polygons)  # references without instancing bring the same mesh many times
         if key not in self._shapes:
-            self._shapes[key] = build_shape(polygons, self._refine)
+            self._shapes[key] = self._built(polygons)
         shape = self._shapes[key]
         if polygons.scheme != "none" and shape.levels < self._refine:
             times = "not refined" if shape.levels == 0 else f"refined {shape.levels} times only"
@@ -182,6 +183,13 @@ class _Reader:
         varies = any(prim.GetAttribute(name).ValueMightBeTimeVarying() for name in shaped_by)
         own = self._skins.object_from_world(prim) if world is not None else None
         return _Read(shape, primvars.constant, world, own, varies or query is not None)
+
+    def _built(self, polygons: Polygons) -> Shape:
+        """Triangles of polygons; of many, said meanwhile."""
+        if len(polygons.indices) < LARGE:
+            return build_shape(polygons, self._refine)
+        tell()
+        return tell_during(lambda: build_shape(polygons, self._refine))
 
 
 def _mesh(

@@ -17,9 +17,11 @@ import numpy as np
 from pxr import Sdf, Usd, UsdGeom, UsdShade
 
 from usdslf.color import USD_DEFAULT_SPACE, Color
+from usdslf.progress import tell, tell_during
 from usdslf.scene.records import F64, Input, Material, Mesh, PrimvarInput, Texture, constant
 from usdslf.textures import images
 from usdslf.textures.texels import WRAPS
+from usdslf.threads import map_ahead
 from usdslf.usd.binding import bound_material, named_material, preview_surface, render_contexts
 from usdslf.usd.notes import Notes
 
@@ -99,12 +101,20 @@ class MaterialTable:
 
     def _load_textures(self, materials: list[Material]) -> None:
         """Brings all textures into memory, several files at a time, and notes what cannot be read."""
-        textures = {v: None for m in materials for v in vars(m).values() if isinstance(v, Texture)}
-        with ThreadPoolExecutor() as pool:
-            results = pool.map(lambda t: images.remarks(t, self._color), textures)
-            for texture, remarks in zip(textures, results, strict=True):
-                for remark in remarks:
-                    self._notes.add(remark, texture.prim)
+        textures = list({v: None for m in materials for v in vars(m).values() if isinstance(v, Texture)})
+
+        def read_all() -> list[list[str]]:
+            remarks = []
+            with ThreadPoolExecutor() as pool:
+                read = map_ahead(pool, lambda i: images.remarks(textures[i], self._color), range(len(textures)), 8)
+                for _, said in read:
+                    remarks.append(said)
+                    tell()
+            return remarks
+
+        for texture, remarks in zip(textures, tell_during(read_all), strict=True):
+            for remark in remarks:
+                self._notes.add(remark, texture.prim)
 
     def _number(self, key: Any, material: Material) -> int:
         if key not in self._index:
