@@ -2,7 +2,7 @@
 
     with step("light", seconds): ...         names what is done now, and takes its time
     tell(share)                              called between blocks, deep inside: how much of the step is done
-    in_blocks(count, size)                   the rows of each block, told after it
+    told(results), in_blocks(count, size)    results, or the rows of each block, told after each
     tell_during(call)                        what cannot be split: the same, again and again until the call is done
     with hearing(hear): ...                  whoever listens; what it raises ends the work at that block
     stepwise(work) -> Generator[Progress]    a function as a generator, which `close` cancels
@@ -107,6 +107,13 @@ def tell(share: float | None = None) -> None:
     if share is not None:
         now.share = min(max(now.share, share), 1.0)
     hear(Progress(now.name, now.share))
+
+
+def told(results: Iterator[Result]) -> Iterator[Result]:
+    """Yields what an iterator yields, and tells after each."""
+    for result in results:
+        yield result
+        tell()
 
 
 def in_blocks(count: int, size: int) -> Iterator[slice]:

@@ -34,7 +34,6 @@ from usdslf.usd.stroke_layer import write_strokes
 if TYPE_CHECKING:
     from usdslf.inference.answers import Answer
     from usdslf.inference.weights import Options
-    from usdslf.progress import Say
 
 SIZE = (448, 252)
 SAMPLES = 16
@@ -44,9 +43,8 @@ class Play:
     """An entry in its folder: the shot, the session of the shot as it looks now, and all that was made."""
 
     def __init__(
-        self, entry: Entry, folder: Path, hdri: str | None = None, device: str | None = None,
-        ocio: str | None = None, say: Say | None = None, elements: int | None = None, size: tuple[int, int] = SIZE,
-        samples: int = SAMPLES, pictures: bool = True,
+        self, entry: Entry, folder: Path, hdri: str | None = None, elements: int | None = None,
+        size: tuple[int, int] = SIZE, samples: int = SAMPLES, pictures: bool = True, **options: Any,
     ) -> None:  # fmt: skip
         """Writes the entry's stage.
 
@@ -55,6 +53,7 @@ class Play:
             hdri: an environment picture for entries that take one.
             elements: None: as the entry says.
             pictures: False: no pictures are rendered, for tests of what is shown.
+            options: device, ocio, say, as of `Session`.
 
         Raises: AuthorError where the folder cannot be written, InputError for a bad hdri.
         """
@@ -66,7 +65,7 @@ class Play:
         self.entry, self.folder, self.size, self.samples, self.has_pictures = entry, folder, size, samples, pictures
         self.shot = entry.build(folder, hdri)
         self.session = Session(
-            str(write_stage(self.shot, folder)), device=device, ocio=ocio, elements=elements or entry.elements, say=say
+            str(write_stage(self.shot, folder)), elements=elements or entry.elements, **options
         )
         self.steps: list[Step] = []
         self.shown: list[Shown] = []

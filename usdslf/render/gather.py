@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from usdslf.color import luminance
 from usdslf.gpu.device import Device
 from usdslf.lights.sources import Arrival, LightSet, Source, brightest, dot
-from usdslf.progress import tell
+from usdslf.progress import told
 from usdslf.rays import Hits, RayTracer
 from usdslf.render.guide import GuidingField, LightGuide
 from usdslf.render.lobes import COLUMNS, Lobes, ShadingPoints, reflect, shading_points
@@ -156,11 +156,9 @@ class Gatherer:
 
     def _in_parts(self, gather_part: Callable[[int], tuple[F32, ...]], count: int, size: int) -> Iterator[F32]:
         """Yields the columns of all parts of some points, each of which begins at one; tells after each part."""
-        done = []
         with ThreadPoolExecutor(self.tracer.threads) as pool:
-            for _, part in map_ahead(pool, gather_part, range(0, max(count, 1), size), 2 * self.tracer.threads):
-                done.append(part)
-                tell()
+            parts = map_ahead(pool, gather_part, range(0, max(count, 1), size), 2 * self.tracer.threads)
+            done = [part for _, part in told(parts)]
         return (np.concatenate(c) for c in zip(*done, strict=True))
 
     def _sample_lights(

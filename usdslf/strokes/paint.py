@@ -69,10 +69,7 @@ def paint_stroke(
     Raises:
         StrokeError: nothing is hit, or a value cannot be meant.
     """
-    if not (np.isfinite(radius) and radius > 0):
-        raise StrokeError(f"the brush radius {radius:g} is not positive: it is a share of picture height")
-    if not (np.isfinite(color).all() and np.shape(color) == (3,)):
-        raise StrokeError(f"the colour {np.asarray(color).tolist()} is not three finite numbers: give R,G,B")
+    _check_brush(radius, color)
     meant: dict[str, Any] = {"name": "stroke_0001", **settings}
     spacing, aspect = meant.pop("spacing", SPACING), meant.pop("aspect", None)
     if aspect is None:
@@ -100,6 +97,13 @@ def paint_stroke(
     stroke = _take(stroke, *_double_single_points(stroke.counts))
     validate_stroke(stroke)
     return stroke
+
+
+def _check_brush(radius: float, color: ArrayLike) -> None:
+    if not (np.isfinite(radius) and radius > 0):
+        raise StrokeError(f"the brush radius {radius:g} is not positive: it is a share of picture height")
+    if not (np.isfinite(color).all() and np.shape(color) == (3,)):
+        raise StrokeError(f"the colour {np.asarray(color).tolist()} is not three finite numbers: give R,G,B")
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Iterator, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -182,18 +183,6 @@ def _read_stroke(prim: Usd.Prim, said: list[str]) -> Stroke:
     if not (np.isfinite(world).all() and np.isfinite(origin).all()):
         raise StrokeError(f"stroke {path} has a transform that is not finite: paint it again or remove it")
     scale = abs(np.linalg.det(world[:3, :3])) ** (1 / 3)
-    anchors: dict[str, Any] = {"surface_index": _array(prim, "slf:surfaceIndex", 1, np.int32)}
-    anchors["face"] = _array(prim, "slf:face", 1, np.int32)
-    anchors["barycentric"] = _array(prim, "slf:barycentric", 2)
-    relation = prim.GetRelationship("slf:surfaces")
-    surfaces = tuple(str(p) for p in relation.GetTargets()) if relation else ()
-    lengths = {len(a) for a in anchors.values()}
-    if lengths != {0} and n == 2 and lengths == {1}:
-        anchors = {name: np.repeat(a, 2, 0) for name, a in anchors.items()}
-    elif lengths not in ({0}, {n}) or not surfaces:
-        if lengths != {0} or surfaces:
-            said.append(f"Stroke {path}: its anchors are incomplete; its points are projected instead.")
-        anchors = {}
     normals = _array(prim, "normals", 3)
     color = _array(prim, "primvars:displayColor", 3)
     if len(indices := _array(prim, "primvars:displayColor:indices", 1, np.int64)):
@@ -213,16 +202,32 @@ def _read_stroke(prim: Usd.Prim, said: list[str]) -> Stroke:
         normals=normals if len(normals) == n else np.zeros((0, 3), np.float32),
         curve_counts=counts,
         strength=_number(prim, "slf:strength", 1.0),
-        surfaces=surfaces,
         frame=_number(prim, "slf:timeCode", math.nan),
         choice=str(_value(prim, "slf:choice") or ""),
         clone_offset=(float(offset[0]), float(offset[1]), float(offset[2])),
         active=prim.IsActive(),
         prim=path,
         origin=(float(origin[0]), float(origin[1]), float(origin[2])),
-        **anchors,
+        **_read_anchors(prim, n, said),
         **tokens,
     )
+
+
+def _read_anchors(prim: Usd.Prim, n: int, said: list[str]) -> dict[str, Any]:
+    """Where n points lie on which surfaces; without what belongs together there is nothing of it."""
+    anchors: dict[str, Any] = {"surface_index": _array(prim, "slf:surfaceIndex", 1, np.int32)}
+    anchors["face"] = _array(prim, "slf:face", 1, np.int32)
+    anchors["barycentric"] = _array(prim, "slf:barycentric", 2)
+    relation = prim.GetRelationship("slf:surfaces")
+    surfaces = tuple(str(p) for p in relation.GetTargets()) if relation else ()
+    lengths = {len(a) for a in anchors.values()}
+    if lengths != {0} and n == 2 and lengths == {1}:
+        anchors = {name: np.repeat(a, 2, 0) for name, a in anchors.items()}
+    elif lengths not in ({0}, {n}) or not surfaces:
+        if lengths != {0} or surfaces:
+            said.append(f"Stroke {prim.GetPath()}: its anchors are incomplete; its points are projected instead.")
+        anchors = {}
+    return {**anchors, "surfaces": surfaces}
 
 
 def _one_per_point(path: str, name: str, values: NDArray, counts: tuple[int, ...]) -> NDArray:
@@ -247,36 +252,21 @@ def _write_stroke(scope: Sdf.PrimSpec, stroke: Stroke) -> None:
         spec.ClearActive()
     else:
         spec.active = False
-    n = len(stroke.points)
-    # Copies below a PointInstancer have no path of their own: the prim stands for all of them.
-    named = [path.split("[")[0] for path in stroke.surfaces]
-    surfaces = list(dict.fromkeys(named))
-    index = np.array([surfaces.index(name) for name in named] + [-1], np.int32)[stroke.surface_index]
-    constant = bool((stroke.colors == stroke.colors[0]).all())
-    eye = stroke.eye[:1] if (stroke.eye == stroke.eye[0]).all() else stroke.eye
-    uniform, varying = Sdf.VariabilityUniform, Sdf.VariabilityVarying
+    put = partial(_put, spec)
+    uniform = Sdf.VariabilityUniform
     half = stroke.widths[:, None] / 2
     extent = np.stack([(stroke.points - half).min(0), (stroke.points + half).max(0)])
-
-    def put(name: str, kind: Sdf.ValueTypeName, value: Any, variability: Any = varying) -> Sdf.AttributeSpec:
-        spec_ = spec.attributes.get(name)
-        if spec_ and spec_.typeName != kind:  # a file that says otherwise
-            del spec.properties[name]
-            spec_ = None
-        spec_ = spec_ or Sdf.AttributeSpec(spec, name, kind, variability)
-        spec_.default = value
-        return spec_
-
     put("type", Names.Token, "linear", uniform)
     put("wrap", Names.Token, "nonperiodic", uniform)
     put("curveVertexCounts", Names.IntArray, Vt.IntArray(stroke.counts))
     put("points", Names.Point3fArray, _vec3(stroke.points))
     put("extent", Names.Float3Array, _vec3(extent))
-    if len(stroke.normals) == n:
+    if len(stroke.normals) == len(stroke.points):
         normals = put("normals", Names.Normal3fArray, _vec3(stroke.normals))
         normals.SetInfo("interpolation", "vertex")
     widths = put("widths", Names.FloatArray, Vt.FloatArray(np.float32(stroke.widths).tolist()))
     widths.SetInfo("interpolation", "vertex")
+    constant = bool((stroke.colors == stroke.colors[0]).all())
     colors = stroke.colors[:1] if constant else stroke.colors
     color = put("primvars:displayColor", Names.Color3fArray, _vec3(colors))
     color.SetInfo("interpolation", "constant" if constant else "vertex")
@@ -290,11 +280,10 @@ def _write_stroke(scope: Sdf.PrimSpec, stroke: Stroke) -> None:
     elif ORIGIN in spec.attributes:
         del spec.attributes[ORIGIN]
         del spec.attributes["xformOpOrder"]
+    eye = stroke.eye[:1] if (stroke.eye == stroke.eye[0]).all() else stroke.eye
     put("slf:eye", Names.Point3fArray, _vec3(eye))
-    put("slf:surfaceIndex", Names.IntArray, Vt.IntArray.FromNumpy(index))
-    put("slf:face", Names.IntArray, Vt.IntArray.FromNumpy(np.ascontiguousarray(stroke.face, np.int32)))
-    barycentric = np.ascontiguousarray(stroke.barycentric, np.float32)
-    put("slf:barycentric", Names.Float2Array, Vt.Vec2fArray.FromNumpy(barycentric))
+    # The order of attributes is that of the file: anchors stand between eye and time.
+    surfaces = _write_anchors(spec, stroke)
     put("slf:timeCode", Names.Double, float(stroke.frame), uniform)
     put("slf:choice", Names.String, stroke.choice, uniform)
     if stroke.tool == "clone":
@@ -305,6 +294,32 @@ def _write_stroke(scope: Sdf.PrimSpec, stroke: Stroke) -> None:
     relation = relation or Sdf.RelationshipSpec(spec, "slf:surfaces", custom=False)
     relation.targetPathList.ClearEditsAndMakeExplicit()
     relation.targetPathList.explicitItems = [Sdf.Path(p) for p in surfaces]
+
+
+def _write_anchors(spec: Sdf.PrimSpec, stroke: Stroke) -> list[str]:
+    """Writes where points lie on surfaces; returns the paths of these."""
+    # Copies below a PointInstancer have no path of their own: the prim stands for all of them.
+    named = [path.split("[")[0] for path in stroke.surfaces]
+    surfaces = list(dict.fromkeys(named))
+    index = np.array([surfaces.index(name) for name in named] + [-1], np.int32)[stroke.surface_index]
+    _put(spec, "slf:surfaceIndex", Names.IntArray, Vt.IntArray.FromNumpy(index))
+    _put(spec, "slf:face", Names.IntArray, Vt.IntArray.FromNumpy(np.ascontiguousarray(stroke.face, np.int32)))
+    barycentric = np.ascontiguousarray(stroke.barycentric, np.float32)
+    _put(spec, "slf:barycentric", Names.Float2Array, Vt.Vec2fArray.FromNumpy(barycentric))
+    return surfaces
+
+
+def _put(
+    spec: Sdf.PrimSpec, name: str, kind: Sdf.ValueTypeName, value: Any, variability: Any = Sdf.VariabilityVarying
+) -> Sdf.AttributeSpec:
+    """Gives an attribute its value; one of another type in the file is replaced."""
+    found = spec.attributes.get(name)
+    if found and found.typeName != kind:
+        del spec.properties[name]
+        found = None
+    found = found or Sdf.AttributeSpec(spec, name, kind, variability)
+    found.default = value
+    return found
 
 
 def _vec3(rows: NDArray) -> Vt.Vec3fArray:

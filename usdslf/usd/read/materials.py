@@ -17,7 +17,7 @@ import numpy as np
 from pxr import Sdf, Usd, UsdGeom, UsdShade
 
 from usdslf.color import USD_DEFAULT_SPACE, Color
-from usdslf.progress import tell, tell_during
+from usdslf.progress import tell_during, told
 from usdslf.scene.records import F64, Input, Material, Mesh, PrimvarInput, Texture, constant
 from usdslf.textures import images
 from usdslf.textures.texels import WRAPS
@@ -104,13 +104,9 @@ class MaterialTable:
         textures = list({v: None for m in materials for v in vars(m).values() if isinstance(v, Texture)})
 
         def read_all() -> list[list[str]]:
-            remarks = []
             with ThreadPoolExecutor() as pool:
                 read = map_ahead(pool, lambda i: images.remarks(textures[i], self._color), range(len(textures)), 8)
-                for _, said in read:
-                    remarks.append(said)
-                    tell()
-            return remarks
+                return [said for _, said in told(read)]
 
         for texture, remarks in zip(textures, tell_during(read_all), strict=True):
             for remark in remarks:
