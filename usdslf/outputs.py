@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -12,9 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdslf.color import color_of
-from usdslf.errors import InputError, UsdslfError
+from usdslf.errors import InputError
 from usdslf.render.picture import AOVS
-from usdslf.replacing import replacing
+from usdslf.replacing import check_place, replacing
 from usdslf.scene.records import Scene
 from usdslf.textures.images import write_image
 
@@ -23,18 +22,6 @@ SIMILARITY = "similarity"  # to strokes: no layer of the renderer; a PNG can hol
 LAYERS = (*AOVS, SIMILARITY)
 """Names of all layers that a picture may hold beside its colours."""
 _LETTERS = {1: ("Y",), 3: ("R", "G", "B")}
-
-
-def check_place(path: str | Path, error: type[UsdslfError] = InputError) -> None:
-    """Raises `error` where no file can be written at `path`; a long run should not find out at its end."""
-    path = Path(path)
-    folder = path.parent
-    if not os.path.isdir(folder):  # unlike Path.is_dir it answers for folders that may not be looked into
-        raise error(f"{path} cannot be written: there is no folder {folder}; create it first")
-    if os.path.isdir(path):
-        raise error(f"{path} cannot be written: it is a folder; give the name of a file")
-    if not os.access(folder, os.W_OK | os.X_OK) or (os.path.exists(path) and not os.access(path, os.W_OK)):
-        raise error(f"{path} cannot be written: permission denied; choose another place")
 
 
 def check_picture(path: str | Path, aovs: Sequence[str]) -> None:

@@ -12,13 +12,14 @@ from pathlib import Path
 from usdslf.color import USD_DEFAULT_SPACE, color_of
 from usdslf.errors import InputError
 from usdslf.procedural.textures import windows
+from usdslf.replacing import is_file
 from usdslf.textures.images import read_image, write_image
 
 
 def check_environment(hdri: str) -> None:
     """Raises InputError where --hdri is no picture that can be read."""
     source = Path(hdri)
-    if not source.is_file():
+    if not is_file(source):
         raise InputError(f"--hdri {hdri} is not there; give a latlong picture (.hdr or .exr)")
     read_image(source, "raw", color_of(None, USD_DEFAULT_SPACE))  # whether it can be: its colours are for the shot
 

@@ -7,6 +7,7 @@ import os
 from pxr import Sdf, Usd
 
 from usdslf.errors import InputError
+from usdslf.replacing import is_file
 from usdslf.usd.border import reading
 from usdslf.usd.read.read import open_stage
 
@@ -18,7 +19,7 @@ def open_edited(shot: str | os.PathLike[str], look: str | os.PathLike[str]) -> U
     """
     plain = open_stage(shot)
     name = os.fspath(look)
-    if not os.path.isfile(name):
+    if not is_file(name):
         raise InputError(f"there is no look layer {name}; make one with: usdslf solve")
     session = Sdf.Layer.CreateAnonymous(".usda")
     with reading(name, InputError, "make a look with usdslf solve"):

@@ -14,7 +14,7 @@ from pathlib import Path
 from pxr import Sdf
 
 from usdslf.errors import AuthorError
-from usdslf.replacing import replacing
+from usdslf.replacing import check_place, replacing
 from usdslf.usd.border import reading
 
 
@@ -37,13 +37,10 @@ def write_layer(layer: Sdf.Layer, path: str | os.PathLike[str]) -> None:
 
 
 def check_layer_place(path: Path) -> None:
-    """Raises AuthorError where no layer can be: another suffix, no folder, or a folder itself."""
+    """Raises AuthorError where no layer can be: another suffix, no folder, a folder itself, or no right to write."""
     if path.suffix not in (".usda", ".usd", ".usdc"):
         raise AuthorError(f"{path} cannot be written: layers end in .usda, .usd or .usdc; choose another name")
-    if not path.parent.is_dir():
-        raise AuthorError(f"{path} cannot be written: there is no folder {path.parent}; create it first")
-    if path.is_dir():
-        raise AuthorError(f"{path} cannot be written: it is a folder; give the name of a file")
+    check_place(path, AuthorError)
 
 
 def relative_path(target: str | os.PathLike[str], folder: str | os.PathLike[str]) -> str:

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 from pxr import Gf, Sdf, Usd, UsdGeom, Vt
 
 from usdslf.errors import AuthorError, StrokeError
+from usdslf.replacing import is_file
 from usdslf.strokes.stroke import Stroke, validate_stroke
 from usdslf.usd.border import reading
 from usdslf.usd.files import write_layer
@@ -48,7 +49,7 @@ def read_strokes(path: str | os.PathLike[str], warnings: list[str] | None = None
     """
     register_schema()
     said = warnings if warnings is not None else []
-    if not Path(path).is_file():
+    if not is_file(path, StrokeError):
         raise StrokeError(f"there is no stroke layer {path}: paint one with `usdslf stroke`")
     with reading(path, StrokeError, _MEND):
         stage = Usd.Stage.Open(_open_layer(path), None, load=Usd.Stage.LoadAll)
@@ -84,7 +85,7 @@ def write_strokes(path: str | os.PathLike[str], strokes: Sequence[Stroke], shot_
     if Path(path).resolve() in shot_files(shot_stage):
         raise AuthorError(f"{path} is part of the shot, which is never written to: choose another file")
     layer = Sdf.Layer.CreateAnonymous(".usda")
-    if Path(path).is_file() and Path(path).stat().st_size:
+    if is_file(path, AuthorError) and Path(path).stat().st_size:
         earlier = _open_layer(path)
         if earlier.defaultPrim != SCOPE:
             raise StrokeError(f"{path} exists and is not a stroke layer: choose another file")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -14,6 +13,7 @@ from usdslf.cli.parameters import Color3, Offset, Path2D, Size
 from usdslf.cli.program import Command, Settings, gathered, settings
 from usdslf.cli.shot_options import Reading, reading_options
 from usdslf.cli.terminal import warn
+from usdslf.replacing import is_file
 from usdslf.strokes.stroke import MODES, NORMS, SCOPES, SPACES, TOOLS, next_name
 
 if TYPE_CHECKING:
@@ -137,7 +137,7 @@ def stroke(
         raise click.UsageError("--tool clone and --clone-offset go together; give both or none")
     session = shot.open(settings, stage, None)
     heard: list[str] = []
-    earlier = read_strokes(strokes, heard) if Path(strokes).exists() else []
+    earlier = read_strokes(strokes, heard) if is_file(strokes) else []
     space, scene = paint.color_space, session.scene
     one = paint_color(paint.color, space, scene, heard) if paint.color else np.ones(3, np.float32)
     many = paint_image(paint.image, space, scene, heard) if paint.image else None

@@ -26,6 +26,7 @@ from pxr import Sdf, Usd, UsdShade, Vt
 
 from usdslf.edits.edits import MaterialChange, material_change_to_input_edits
 from usdslf.errors import AuthorError, StageError
+from usdslf.replacing import is_file
 from usdslf.usd.author.change_writer import ChangeWriter
 from usdslf.usd.author.material_writer import MODES
 from usdslf.usd.binding import bound_relationship, named_material, preview_surface, render_contexts
@@ -240,7 +241,7 @@ def _earlier_look(stage: Usd.Stage, out: Path) -> Sdf.Layer | None:
     """Returns the look that is there already; refuses to write over anything else."""
     if out.resolve() in shot_files(stage):
         raise AuthorError(f"{out} is part of the shot, which is never written to: choose another file")
-    if not out.is_file() or not out.stat().st_size or out.suffix not in (".usda", ".usd", ".usdc"):
+    if not is_file(out, AuthorError) or not out.stat().st_size or out.suffix not in (".usda", ".usd", ".usdc"):
         return None
     earlier = Sdf.Layer.OpenAsAnonymous(str(out))  # as it is on disk, whoever wrote it
     if not earlier or not is_look(earlier):

@@ -32,7 +32,7 @@ def layer_data(
     data = dict(given or {})
     shot = shot or stage.GetRootLayer().realPath
     for name, path, files in (("strokes", strokes, [strokes]), ("shot", shot, _stack(stage))):
-        if path and Path(path).is_file():
+        if path and os.path.isfile(path):
             data.setdefault(name, relative_path(path, out.parent))
             data.setdefault(f"{name}Hash", _hash(f for f in files if f))
     return data
@@ -46,7 +46,7 @@ def stale(look: Sdf.Layer) -> list[str]:
         if not data.get(name) or not data.get(f"{name}Hash"):
             continue
         path = look.ComputeAbsolutePath(data[name])
-        if not Path(path).is_file():
+        if not os.path.isfile(path):
             found.append(f"its {name} {data[name]} is gone")
         elif data[f"{name}Hash"] != _hash(_files(path) if name == "shot" else [path]):
             found.append(f"its {name} {data[name]} changed since")
@@ -58,7 +58,7 @@ def of_another_shot(look: Sdf.Layer, stage: Usd.Stage) -> list[str]:
     data = our_data(look.customLayerData)
     shot = str(data.get("shot", ""))
     path = look.ComputeAbsolutePath(shot) if shot else ""
-    if not Path(path).is_file():
+    if not os.path.isfile(path):
         return []
     files = _stack(stage)
     if any(os.path.realpath(path) == os.path.realpath(f) for f in files):

@@ -11,6 +11,7 @@ from pxr import Pcp, Sdf, Usd, UsdGeom
 
 from usdslf.color import USD_DEFAULT_SPACE, color_of
 from usdslf.errors import StageError
+from usdslf.replacing import is_folder
 from usdslf.scene.records import Material, Mesh, PrimvarInput, Scene, Texture
 from usdslf.usd.border import parse_reason, reading, text_of
 from usdslf.usd.notes import Notes, name_some
@@ -28,7 +29,7 @@ def open_stage(path: str | os.PathLike[str]) -> Usd.Stage:
         StageError: missing, unreadable, or not USD.
     """
     name = os.fspath(path)
-    if os.path.isdir(name):
+    if is_folder(name, StageError):
         raise StageError(f"{name} is a folder, name a .usd, .usda, .usdc or .usdz file in it")
     if os.path.exists(name) and not os.access(name, os.R_OK):
         raise StageError(f"{name} cannot be read, check its rights")

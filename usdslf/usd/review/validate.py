@@ -19,6 +19,7 @@ BadStroke         a stroke that cannot be meant
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -94,7 +95,7 @@ def lines_of_findings(findings: Iterable[Finding]) -> list[str]:
 def _with_its_shot(stage: Usd.Stage, look: Sdf.Layer) -> Usd.Stage:
     shot = str(our_data(look.customLayerData).get("shot", ""))
     path = look.ComputeAbsolutePath(shot) if shot else ""
-    if stage.GetRootLayer() != look or look.subLayerPaths or not Path(path).is_file():
+    if stage.GetRootLayer() != look or look.subLayerPaths or not os.path.isfile(path):
         return stage
     root = Sdf.Layer.CreateAnonymous(".usda")
     root.subLayerPaths = [look.identifier, path]
@@ -267,7 +268,7 @@ class _Look:
         path = Path(absolute)
         if "<UDIM>" in path.name:
             return any(path.parent.glob(path.name.replace("<UDIM>", "[0-9][0-9][0-9][0-9]")))
-        return path.is_file()
+        return os.path.isfile(path)
 
     def _of_relationship(self, prim: Usd.Prim, spec: Sdf.RelationshipSpec) -> Iterator[Finding]:
         targets = [self.shown(t) for t in spec.targetPathList.GetAddedOrExplicitItems()]
