@@ -197,6 +197,7 @@ class _Target:
             "device": shot.device.name,
             "solve": _how(shot, solution),
             **({"frame": shot.scene.frame} if np.isfinite(shot.scene.frame) else {}),
+            **({"missing": [m.sentence for m in shot.scene.missing]} if shot.scene.missing else {}),
         }
 
     @property

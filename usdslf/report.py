@@ -42,6 +42,7 @@ def report_of(shot: Shot, solution: Solution, look: Look | None = None) -> dict[
         "elements": len(shot.elements),
         "directions": 1024,
         "model": shot.model,
+        "missing": [vars(m) | {"materials": list(m.materials)} for m in shot.scene.missing],
         **({} if solution.stylized is None else _of_style(shot.scene, solution.stylized, edits)),
         "strokes": [
             _of_stroke(shot, solution, as_written, stroke, *of_stroke[i])
@@ -125,6 +126,8 @@ def _of_stroke(
         "range": _ranges(answer),
         "alternatives": _alternatives(answer),
     }
+    if stands_on := _stands_on(shot.scene, answer.pool.material):
+        found["stands_on"] = stands_on
     alike = (*answer.pool.alike, *answer.pool.partly)
     also = [(m, answer, *alike_means(answer, m, shot.light_field)) for m in alike]
     if answer.note:
@@ -162,6 +165,12 @@ def _alternatives(answer: Answer) -> list[dict[str, Any]]:
     ]
 
 
+def _stands_on(scene: Scene, material: int) -> list[str]:
+    """The textures that an answer stands on and that cannot be read: of its material, and of all lights."""
+    path = scene.materials[material].path
+    return [f"{m.file} of {m.prim}" for m in scene.missing if not m.materials or path in m.materials]
+
+
 def _ranges(answer: Answer) -> dict[str, Any]:
     """Least and greatest value of each parameter that changed, which hold 90 % of what the paint may mean.
 
@@ -181,7 +190,9 @@ def _plain(values: Mapping[str, NDArray]) -> dict[str, Any]:
 
 
 def lines_of_report(report: Mapping[str, Any]) -> Iterator[str]:
-    """Yields two lines a stylized material or what strokes ask together, and up to two an edit."""
+    """Yields a line a missing texture, two a stylized material or what strokes ask together, and up to two an edit."""
+    for m in report.get("missing", ()):
+        yield f"missing texture {m['file']} of {m['prim']} cannot be read ({m['why']}): {m['stands_for_it']}"
     for style in report.get("materials", ()):
         yield f"{style['material']}: {style['inferred']}"
         residual = f"{style['residual_before']:.3f} -> {style['residual_after']:.3f}"
@@ -195,6 +206,8 @@ def lines_of_report(report: Mapping[str, Any]) -> Iterator[str]:
         yield f"{named} on {on}: {stroke['inferred']} of {stroke['material']}{tie}"
         residual = f"{stroke['residual_before']:.3f} -> {stroke['residual_after']:.3f}"
         yield f"  {_changes(stroke)}; residual {residual}"
+        for file in stroke.get("stands_on", ()):
+            yield f"  it stands on a texture that cannot be read: {file}"
         for name, (low, high) in stroke.get("range", {}).items():
             yield f"  the paint allows {name} {in_words(low)} to {in_words(high)} (90 %)"
         for also in stroke.get("also", ()):

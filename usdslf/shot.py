@@ -30,6 +30,7 @@ from usdslf.light_field.light_field import LightField, require_memory
 from usdslf.light_field.static_light import static_light
 from usdslf.light_field.visibility import Visibility, trace_visibility
 from usdslf.lights.defaults import lights_or_default
+from usdslf.lights.missing_dome import MISSING_DOME, with_missing_domes
 from usdslf.lights.sources import LightSet
 from usdslf.progress import step, tell, tell_during, wait_for
 from usdslf.rays import RayTracer
@@ -45,6 +46,7 @@ from usdslf.usd.preview.preview_material import PreviewMaterials
 from usdslf.usd.preview.preview_material import make_preview as make_preview_materials
 from usdslf.usd.read.read import open_stage, read_scene
 
+QUALITY = ("elements", "bounces", "refine", "model", "missing_dome")  # options of `Shot.open`
 MOST_ELEMENTS = (1 << 22) - 1
 Value = TypeVar("Value")
 
@@ -91,6 +93,7 @@ class Shot:
         refine: levels of subdivision.
         model: preview_surface | phong.
         device_name: number or name of the OpenCL device.
+        missing_dome: what shines for a dome whose texture cannot be read: color | white | ignore.
         seconds: of the steps that were taken so far, by step.
         warnings: of those steps, sentences, each once.
         lock: held by the thread that makes something.
@@ -110,6 +113,7 @@ class Shot:
     refine: int = 1
     model: str = "preview_surface"
     device_name: str | Device | None = None
+    missing_dome: str = MISSING_DOME[0]
     seconds: dict[str, float] = field(default_factory=dict, repr=False)
     warnings: list[str] = field(default_factory=list, repr=False)
     lock: Any = field(default_factory=threading.RLock, repr=False)
@@ -131,25 +135,29 @@ class Shot:
             make_preview: surfaces without UsdPreviewSurface get one that shows the same, so that they can be edited.
             quality: `elements` that carry the light field (10000), most `bounces` of it (8), levels `refine` of
                 subdivision (1), `model` preview_surface or phong, the paper's, which shows and solves the same inputs
-                otherwise.
+                otherwise, `missing_dome`: what shines for a dome whose texture cannot be read, its own color, white of
+                radiance 1, or nothing (ignore).
 
         Raises: StageError where the stage cannot be opened, InputError for a number that cannot be.
         """
-        unknown = sorted(quality.keys() - {"elements", "bounces", "refine", "model"})
+        unknown = sorted(quality.keys() - set(QUALITY))
         if unknown:
-            raise TypeError(f"there is no option '{unknown[0]}'; choose from elements, bounces, refine, model")
+            raise TypeError(f"there is no option '{unknown[0]}'; choose from {', '.join(QUALITY)}")
         elements, model = quality.get("elements", 10000), quality.get("model", "preview_surface")
         bounces, refine = quality.get("bounces", 8), quality.get("refine", 1)
+        missing_dome = quality.get("missing_dome", MISSING_DOME[0])
         if not 1 <= elements <= MOST_ELEMENTS:
             raise InputError(f"--elements {elements} is not in 1 .. {MOST_ELEMENTS}")
         if bounces < 1:
             raise InputError(f"--bounces {bounces} is less than 1")
+        if missing_dome not in MISSING_DOME:
+            raise InputError(f"--missing-dome {missing_dome} is unknown; choose one of {', '.join(MISSING_DOME)}")
         model_of(model)
         source = open_stage(stage) if isinstance(stage, (str, os.PathLike)) else stage
         made = make_preview_materials(source, ocio) if make_preview else None
         with quiet_usd():
             composed = compose_over(source, made.layer) if made else source
-        return Shot(source, composed, made, frame, ocio, elements, bounces, refine, model, device)
+        return Shot(source, composed, made, frame, ocio, elements, bounces, refine, model, device, missing_dome)
 
     @property
     def path(self) -> str:
@@ -169,7 +177,7 @@ class Shot:
         with step("read", self.seconds):
             scene = read_scene(self.stage, self.frame, refine=self.refine, ocio=self.ocio)
         self.warn(*scene.warnings, *(self.made.warnings if self.made else ()))
-        return replace(scene, stage=self.path)
+        return with_missing_domes(replace(scene, stage=self.path), self.missing_dome)
 
     @Lazy
     def device(self) -> Device:
@@ -318,7 +326,7 @@ class Shot:
         """
         other = Shot.open(
             stage, self.frame, self.device, self.ocio, self.made is not None, elements=self.element_count,
-            bounces=self.bounces, refine=self.refine, model=self.model,
+            bounces=self.bounces, refine=self.refine, model=self.model, missing_dome=self.missing_dome,
         )  # fmt: skip
         if is_same_but_for_reflectance(self.scene, other.scene):
             elements = refresh_reflectance(self.elements, self.scene, other.scene)

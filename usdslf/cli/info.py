@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from usdslf.lights.defaults import lights_or_default
-from usdslf.scene.records import Material, PrimvarInput, Scene, Texture
+from usdslf.scene.records import Material, MissingTexture, PrimvarInput, Scene, Texture
 
 INPUTS = (
     "diffuse_color", "specular_color", "metallic", "roughness", "ior", "clearcoat", "clearcoat_roughness",
@@ -36,6 +36,7 @@ def describe(scene: Scene) -> dict[str, Any]:
         "materials": [_describe_material(m, int(n)) for m, n in zip(scene.materials, users)],
         "lights": [{"prim": x.path, "kind": x.kind, "radiance": list(x.radiance)} for x in scene.lights],
         "cameras": [c.path for c in scene.cameras],
+        "missing": [vars(m) for m in scene.missing],
         "warnings": warnings,
     }
 
@@ -63,6 +64,8 @@ def _describe_input(value: Any) -> Any:
 
 def as_text(found: dict[str, Any]) -> Iterator[str]:
     """Yields the lines that people read."""
+    for m in found["missing"]:
+        yield f"missing {' '.join(MissingTexture(**m).sentence.split())}"
     frame = "default time" if found["frame"] is None else f"frame {found['frame']:g}"
     size = np.subtract(found["bounds"][1], found["bounds"][0])
     yield f"{found['stage']}  ({frame})"

@@ -10,7 +10,7 @@ import click
 
 from usdslf.cli.program import Settings, gathered
 from usdslf.cli.shot_options import Lighting
-from usdslf.cli.terminal import progress, warn
+from usdslf.cli.terminal import progress, say_missing, warn
 from usdslf.errors import AuthorError
 
 if TYPE_CHECKING:
@@ -71,6 +71,7 @@ def write_look(
     with progress(settings.quiet) as say:
         session = shot.open(settings, stage, say)
         check_look_place(session.shot.source, files.output)  # before the work, not after it
+        say_missing(session.scene)
         find(session)
         session.author(files.output, review_root=files.review_root, **author)
     found = session.report()

@@ -10,6 +10,7 @@ import click
 
 import usdslf
 from usdslf.cli.program import Settings, gathered
+from usdslf.lights.missing_dome import MISSING_DOME
 from usdslf.surfaces.reflectance import MODELS
 
 if TYPE_CHECKING:
@@ -23,6 +24,7 @@ class Reading:
 
     frame: float | None  # time code; None: the stage's start
     refine: int  # levels of subdivision
+    missing_dome: str  # what shines for a dome whose texture cannot be read
 
     def open(self, settings: Settings, stage: Any, say: Say | None) -> Session:
         """Opens a stage, a path or a Usd.Stage."""
@@ -40,8 +42,8 @@ class Lighting(Reading):
 
 
 def reading_options(command: Any) -> Any:
-    """Adds --frame and --refine, which arrive as `shot`, a `Reading`."""
-    return _frame(_refine(gathered("shot", Reading)(command)))
+    """Adds --frame, --refine and --missing-dome, which arrive as `shot`, a `Reading`."""
+    return _frame(_refine(_missing_dome(gathered("shot", Reading)(command))))
 
 
 def lighting_options(make_preview: str) -> Any:
@@ -52,7 +54,7 @@ def lighting_options(make_preview: str) -> Any:
     """
 
     def add(command: Any) -> Any:
-        command = _frame(_refine(gathered("shot", Lighting)(command)))
+        command = _frame(_refine(_missing_dome(gathered("shot", Lighting)(command))))
         command = click.option(
             "--model", type=click.Choice(list(MODELS)), default=next(iter(MODELS)), show_default=True,
             help="How surfaces reflect: as UsdPreviewSurface, or the Phong of the paper, to be compared with it.",
@@ -80,3 +82,7 @@ _frame = click.option(
 _refine = click.option(
     "--refine", type=click.IntRange(0, 4), default=1, help="Levels of subdivision of cages; default 1."
 )
+_missing_dome = click.option(
+    "--missing-dome", type=click.Choice(MISSING_DOME), default=MISSING_DOME[0], show_default=True,
+    help="What shines for a dome whose texture cannot be read: its own color, white of radiance 1, or nothing.",
+)  # fmt: skip

@@ -12,6 +12,7 @@ import click
 
 if TYPE_CHECKING:
     from usdslf.progress import Say
+    from usdslf.scene.records import Scene
 
 
 @contextmanager
@@ -49,6 +50,12 @@ def talk(text: str, quiet: bool) -> None:
     """Says a line on stderr."""
     if not quiet:
         click.echo(text, err=True)
+
+
+def say_missing(scene: Scene) -> None:
+    """Says on stderr which textures of a shot cannot be read, also where it is quiet: all else stands on it."""
+    for each in scene.missing:
+        click.echo("warning: missing " + " ".join(each.sentence.split()), err=True)
 
 
 def warn(sentences: Iterable[str], quiet: bool) -> None:

@@ -152,10 +152,27 @@ class Light:
     diffuse: float = 1.0  # factor on what diffuse reflection receives
     specular: float = 1.0
     texture: LightTexture | None = None  # of a dome or rect light; multiplies `radiance`
+    unread: str = ""  # file of its texture, where that cannot be read
     cone_angle: float = 90.0  # shaping, half angle [deg] as authored; 90 and above: none
     cone_softness: float = 0.0
     focus: float = 0.0
     focus_tint: tuple[float, float, float] = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class MissingTexture:
+    """A texture that the shot names and that cannot be read, with what stands for it."""
+
+    prim: str  # path of the texture's shader, or of the light
+    file: str  # as the shot names it
+    why: str
+    stands_for_it: str  # in words
+    materials: tuple[str, ...] = ()  # paths of those that read it; none: a light does
+
+    @property
+    def sentence(self) -> str:
+        """What, where, and what is seen in its place."""
+        return f"texture {self.file} of {self.prim} cannot be read ({self.why}): {self.stands_for_it}"
 
 
 @dataclass(frozen=True)
@@ -216,6 +233,7 @@ class Scene:
         warnings: a sentence for each thing that could not be read as it was meant.
         ocio: OpenColorIO config as asked for; "": $OCIO, else the built-in one.
         working_space: name of the colour space, scene-linear, that all colours are in.
+        missing: textures that cannot be read: what is seen or solved stands on something else there.
         origin: (3,) of the world that all positions are relative to; not 0 where the shot is small and far off.
     """
 
@@ -228,6 +246,7 @@ class Scene:
     up_axis: str = "Y"
     meters_per_unit: float = 0.01
     warnings: tuple[str, ...] = ()
+    missing: tuple[MissingTexture, ...] = ()
     ocio: str = ""
     working_space: str = "lin_rec709_scene"
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0)

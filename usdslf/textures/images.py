@@ -98,14 +98,16 @@ def what_was_taken(path: str, color_space: str) -> list[str]:
     return [s for s in said if s]
 
 
-def remarks(texture: Texture, color: Color) -> list[str]:
-    """Makes a texture ready for look-ups and returns what there is to say of it, {} where its shader is named."""
-    said = [
-        f"texture {file} of {{}} cannot be read ({why}): its fallback is used"
-        for file, why in unreadable(texture, color)
-    ]
+def remarks(texture: Texture, color: Color) -> tuple[list[tuple[str, str]], list[str]]:
+    """Makes a texture ready for look-ups and returns what of it is `unreadable`, and what there is to say of it.
+
+    In what is said, {} is where its shader is named.
+    """
+    wanting = unreadable(texture, color)
+    said = [f"texture {file} of {{}} cannot be read ({why}): its fallback is used" for file, why in wanting]
     taken = {f: what_was_taken(f, texture.color_space) for f in files_of(texture)}
-    return said + [f"texture {file} of {{}}: {words}" for file, sentences in taken.items() for words in sentences]
+    said += [f"texture {file} of {{}}: {words}" for file, sentences in taken.items() for words in sentences]
+    return wanting, said
 
 
 def load_texture(texture: Texture, color: Color) -> dict[int, Image]:

@@ -10,6 +10,7 @@ class Notes:
 
     def __init__(self) -> None:
         self._prims: dict[str, dict[str, None]] = {}
+        self.missing: dict[str, tuple[str, str]] = {}  # prim -> file of its texture, and why that cannot be read
 
     def add(self, reason: str, prim: object) -> None:
         """Notes that `reason` holds for a prim; {} in the reason is where the prims are named."""

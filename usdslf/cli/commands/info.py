@@ -21,8 +21,9 @@ def info(settings: Settings, stage: str, shot: Reading, as_json: bool) -> None:
 
     with progress(settings.quiet) as say:
         session = shot.open(settings, stage, say)
-    findings = validate(session.stage, settings.ocio, session.scene)
-    found = describe(session.scene) | {"findings": [vars(f) for f in findings]}
+        scene = session.scene
+    findings = validate(session.stage, settings.ocio, scene)
+    found = describe(scene) | {"findings": [vars(f) for f in findings]}
     if as_json:
         print_json(found)
     else:

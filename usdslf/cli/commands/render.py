@@ -10,7 +10,7 @@ import click
 from usdslf.cli.parameters import Similarity, Size
 from usdslf.cli.program import Command, Settings, Several, gathered, settings
 from usdslf.cli.shot_options import Lighting, lighting_options
-from usdslf.cli.terminal import progress, warn
+from usdslf.cli.terminal import progress, say_missing, warn
 from usdslf.errors import StrokeError
 from usdslf.strokes.stroke import frame_of
 
@@ -91,6 +91,7 @@ def render(settings: Settings, stage: str, shot: Lighting, picture: Picture, abo
         shot = replace(shot, frame=frame_of(chosen, shot.frame, heard))
     with progress(settings.quiet) as say:
         session = shot.open(settings, open_edited(stage, picture.edits) if picture.edits else stage, say)
+        say_missing(session.scene)
         if picture.edits:
             found = validate(session.stage, settings.ocio)
             heard += [f.message for f in found if f.name in ("DanglingOver", "HiddenEdit")]

@@ -13,7 +13,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from pxr import Sdf, Usd
+from pxr import Sdf, Usd, Vt
 
 from usdslf.errors import StageError
 from usdslf.usd.border import reading
@@ -29,7 +29,7 @@ def layer_data(
     shot: str | os.PathLike[str] | None,
 ) -> dict[str, Any]:
     """Returns what a look says of its origin: no times, so that the same edit has the same bytes."""
-    data = dict(given or {})
+    data = {k: Vt.StringArray(v) if isinstance(v, list) else v for k, v in (given or {}).items()}
     shot = shot or stage.GetRootLayer().realPath
     for name, path, files in (("strokes", strokes, [strokes]), ("shot", shot, _stack(stage))):
         if path and os.path.isfile(path):

@@ -105,6 +105,7 @@ def _read_light(prim: Usd.Prim, world: F64, time: Usd.TimeCode, color: Color, no
             world = world @ _Z_POLE
     tint = get("inputs:shaping:focusTint", (0.0, 0.0, 0.0))
     _note_unsupported(prim, kind, time, notes)
+    texture = _texture(prim, kind, time, color, notes)
     r, g, b = (float(x) for x in level * rgb)
     return Light(
         path=str(prim.GetPath()),
@@ -114,7 +115,8 @@ def _read_light(prim: Usd.Prim, world: F64, time: Usd.TimeCode, color: Color, no
         treat_as_point=bool(get("treatAsPoint", False)) and kind == "sphere",
         diffuse=float(get("inputs:diffuse", 1.0)),
         specular=float(get("inputs:specular", 1.0)),
-        texture=_texture(prim, kind, time, color, notes),
+        texture=texture,
+        unread=notes.missing.get(str(prim.GetPath()), ("", ""))[0],
         cone_angle=float(get("inputs:shaping:cone:angle", 90.0)),
         cone_softness=float(get("inputs:shaping:cone:softness", 0.0)),
         focus=float(get("inputs:shaping:focus", 0.0)),
@@ -167,6 +169,7 @@ def _texture(prim: Usd.Prim, kind: str, time: Usd.TimeCode, color: Color, notes:
     if why:
         reason = f"texture {asset.path} of light {{}} cannot be read ({why}): its colour is used"
         notes.add(reason, prim.GetPath())
+        notes.missing[str(prim.GetPath())] = asset.path, why
         return None
     space = attribute.GetColorSpace() if attribute.HasColorSpace() else "auto"
     if space != "auto" and not color.knows(space):

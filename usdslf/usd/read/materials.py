@@ -103,12 +103,13 @@ class MaterialTable:
         """Brings all textures into memory, several files at a time, and notes what cannot be read."""
         textures = list({v: None for m in materials for v in vars(m).values() if isinstance(v, Texture)})
 
-        def read_all() -> list[list[str]]:
+        def read_all() -> list[tuple[list[tuple[str, str]], list[str]]]:
             with ThreadPoolExecutor() as pool:
                 read = map_ahead(pool, lambda i: images.remarks(textures[i], self._color), range(len(textures)), 8)
                 return [said for _, said in told(read)]
 
-        for texture, remarks in zip(textures, tell_during(read_all), strict=True):
+        for texture, (unreadable, remarks) in zip(textures, tell_during(read_all), strict=True):
+            self._notes.missing |= dict.fromkeys([texture.prim], unreadable[-1]) if unreadable else {}
             for remark in remarks:
                 self._notes.add(remark, texture.prim)
 
@@ -317,6 +318,8 @@ class _Network:
             space = attribute.GetColorSpace()
         if not isinstance(asset, Sdf.AssetPath) or not asset.path or attribute is None:
             self.notes.add("texture {} names no file: its fallback is used", self.shader.GetPath())
+            if self.attribute("fallback") is None:  # else that may be what is meant
+                self._miss("(none)", "it names no file")
             return "", (), space
         if UsdShade.UdimUtils.IsUdimIdentifier(asset.path):
             layers = [s.layer for s in attribute.GetPropertyStack(self.time)]
@@ -325,11 +328,16 @@ class _Network:
             if not found:
                 reason = f"no tile of {asset.path} in {{}} can be found: its fallback is used"
                 self.notes.add(reason, self.shader.GetPath())
+                self._miss(asset.path, "no tile of it can be found")
             return asset.path, found, space
         if not asset.resolvedPath:
             reason = f"texture {asset.path} of {{}} cannot be found: its fallback is used"
             self.notes.add(reason, self.shader.GetPath())
+            self._miss(asset.path, "it cannot be found")
         return str(asset.resolvedPath), (), space
+
+    def _miss(self, file: str, why: str) -> None:
+        self.notes.missing[str(self.shader.GetPath())] = file, why
 
     def _coordinates(self) -> tuple[str, Affine, tuple[float, float]]:
         """Returns the primvar, the transform and the fallback of the coordinates of a texture."""

@@ -12,7 +12,7 @@ from pxr import Pcp, Sdf, Usd, UsdGeom
 from usdslf.color import USD_DEFAULT_SPACE, color_of
 from usdslf.errors import StageError
 from usdslf.replacing import is_folder
-from usdslf.scene.records import Material, Mesh, PrimvarInput, Scene, Texture
+from usdslf.scene.records import Light, Material, Mesh, MissingTexture, PrimvarInput, Scene, Texture
 from usdslf.usd.border import parse_reason, reading, text_of
 from usdslf.usd.notes import Notes, name_some
 from usdslf.usd.read.cameras import read_cameras
@@ -103,10 +103,37 @@ def read_scene(
         up_axis=_up_axis(stage),
         meters_per_unit=UsdGeom.GetStageMetersPerUnit(stage),
         warnings=tuple(dict.fromkeys([*warnings, *notes.sentences()])),
+        missing=(*_missing_textures(meshes, materials, notes), *_missing_of_lights(lights, notes)),
         ocio=ocio or "",
         working_space=color.working_space,
         origin=origin,
     )
+
+
+def _missing_textures(meshes: list[Mesh], materials: list[Material], notes: Notes) -> list[MissingTexture]:
+    """The textures of materials that cannot be read, with the fallback that is shown and where."""
+    readers: dict[str, tuple[Texture, list[int]]] = {}
+    for i, m in enumerate(materials):
+        for value in vars(m).values():
+            if isinstance(value, Texture) and value.prim in notes.missing:
+                readers.setdefault(value.prim, (value, []))[1].append(i)
+    found = []
+    for prim, (texture, by) in readers.items():
+        shown = [m.path for m in meshes if np.isin(m.material_of_triangle, by).any()]
+        fallback = ", ".join(f"{texture.fallback['rgba'.index(c)]:g}" for c in texture.channels)
+        words = f"its fallback ({fallback}) is shown on {name_some(shown)}"
+        found.append(MissingTexture(prim, *notes.missing[prim], words, tuple(materials[i].path for i in by)))
+    return found
+
+
+def _missing_of_lights(lights: list[Light], notes: Notes) -> list[MissingTexture]:
+    """The textures of lights that cannot be read."""
+    found = []
+    for x in (x for x in lights if x.unread):
+        radiance = ", ".join(f"{v:.3g}" for v in x.radiance)
+        words = f"its colour alone shines, radiance ({radiance})"
+        found.append(MissingTexture(x.path, *notes.missing[x.path], words))
+    return found
 
 
 def _up_axis(stage: Usd.Stage) -> str:

@@ -11,6 +11,7 @@ OutOfRange        a value that a UsdPreviewSurface cannot mean
 UnknownColorSpace a colour space that OpenColorIO does not know
 MissingTarget     a connection, binding, inherit or painted surface that leads nowhere
 MissingFile       a texture that is not there
+MissingTexture    the look was solved while a texture of the shot could not be read
 AbsolutePath      a path that holds on one machine only
 StaleLook         the shot or the strokes changed since the look was solved, or it was solved for another shot
 MovedStroke       the surface is not where it was painted; the stroke follows it
@@ -37,7 +38,7 @@ from usdslf.usd.border import reading
 from usdslf.usd.files import assets_of
 from usdslf.usd.layer.provenance import of_another_shot, stale
 from usdslf.usd.layer.wins import why_hidden
-from usdslf.usd.look_data import is_look, our_data
+from usdslf.usd.look_data import is_look, our_data, texts
 from usdslf.usd.read.read import read_scene
 from usdslf.usd.stroke_layer import SCOPE, read_strokes
 
@@ -136,6 +137,9 @@ class _Look:
         """Yields what is wrong."""
         for phrase in (*stale(self.layer), *of_another_shot(self.layer, self.stage)):
             yield self._finding("StaleLook", "/", f"{self.file} may not fit: {phrase}: solve it again.")
+        for missing in texts(our_data(self.layer.customLayerData).get("missing")):
+            say = f"{self.file} was solved without a {missing}: restore it and solve again."
+            yield self._finding("MissingTexture", "/", say)
         space = our_data(self.layer.customLayerData).get("workingSpace", "")
         if space and not self.color.knows(str(space)):
             yield self._unknown_space(Sdf.Path.absoluteRootPath, str(space))
