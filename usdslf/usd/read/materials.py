@@ -310,34 +310,29 @@ class _Network:
     def _file(self) -> tuple[str, tuple[tuple[int, str], ...], str]:
         """Returns the resolved file, its UDIM tiles and its colour space."""
         attribute = self.attribute("file")
-        asset = None
-        if attribute is not None and not UsdShade.Output.IsOutput(attribute):
-            asset = attribute.Get(self.time)
+        is_value = attribute is not None and not UsdShade.Output.IsOutput(attribute)
+        asset = attribute.Get(self.time) if is_value and attribute else None
         space = str(self.plain("sourceColorSpace", "auto"))
         if space == "auto" and attribute is not None and attribute.HasColorSpace():
             space = attribute.GetColorSpace()
         if not isinstance(asset, Sdf.AssetPath) or not asset.path or attribute is None:
-            self.notes.add("texture {} names no file: its fallback is used", self.shader.GetPath())
-            if self.attribute("fallback") is None:  # else that may be what is meant
-                self._miss("(none)", "it names no file")
+            file = "" if self.attribute("fallback") else "(none)"  # a fallback that is authored may be what is meant
+            self._miss("texture {} names no file", file, "it names no file")
             return "", (), space
         if UsdShade.UdimUtils.IsUdimIdentifier(asset.path):
             layers = [s.layer for s in attribute.GetPropertyStack(self.time)]
             tiles = UsdShade.UdimUtils.ResolveUdimTilePaths(asset.path, layers[0]) if layers else []
             found = tuple(sorted((int(tile), str(file)) for file, tile in tiles))
             if not found:
-                reason = f"no tile of {asset.path} in {{}} can be found: its fallback is used"
-                self.notes.add(reason, self.shader.GetPath())
-                self._miss(asset.path, "no tile of it can be found")
+                self._miss(f"no tile of {asset.path} in {{}} can be found", asset.path, "no tile of it can be found")
             return asset.path, found, space
         if not asset.resolvedPath:
-            reason = f"texture {asset.path} of {{}} cannot be found: its fallback is used"
-            self.notes.add(reason, self.shader.GetPath())
-            self._miss(asset.path, "it cannot be found")
+            self._miss(f"texture {asset.path} of {{}} cannot be found", asset.path, "it cannot be found")
         return str(asset.resolvedPath), (), space
 
-    def _miss(self, file: str, why: str) -> None:
-        self.notes.missing[str(self.shader.GetPath())] = file, why
+    def _miss(self, reason: str, file: str, why: str) -> None:
+        self.notes.add(f"{reason}: its fallback is used", self.shader.GetPath())
+        self.notes.missing |= {str(self.shader.GetPath()): (file, why)} if file else {}
 
     def _coordinates(self) -> tuple[str, Affine, tuple[float, float]]:
         """Returns the primvar, the transform and the fallback of the coordinates of a texture."""
