@@ -18,7 +18,7 @@
  * direction      (n, 3) of travel
  * face_normal    (T, 3)
  * corners        (T, 3, 3)
- * cells, entries, cell_count, near_elements (entries, NEAR), position (N, 3): the tables
+ * cells, entries, cell_count, near_elements (entries, PER_ENTRY), position (N, 3): the tables
  * frames         (N, 3, 3)
  * link           (n, 4) result: element << 10 | bin, ESCAPES for a miss, BLOCKED for a side without elements
  * weight         (n, 4) result: sums to 1, or 0

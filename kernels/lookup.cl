@@ -9,7 +9,7 @@
 #include "common.cl"
 
 #define NO_ENTRY 0xffffffffu
-#define NEAR 8   /* elements an entry names; the first again where there are fewer */
+#define PER_ENTRY 8   /* elements an entry names; the first again where there are fewer */
 #define BLEND 4  /* of them are blended */
 #define LESSER(a, b) ((a) < (b) ? (a) : (b))
 #define LARGER(a, b) ((a) > (b) ? (a) : (b))
@@ -43,14 +43,14 @@ inline void blend_at(__global const float *corners, __global const uint *cells, 
 {
     uint entry = entry_of_point(cells, entries, cell_count, t, u, v, back);
     int dead = entry == NO_ENTRY;
-    __global const uint *list = near_elements + (size_t)(dead ? 0 : entry) * NEAR;
+    __global const uint *list = near_elements + (size_t)(dead ? 0 : entry) * PER_ENTRY;
     float3 p0 = load3(corners, 3 * t);
     float3 p = p0 + u * (load3(corners, 3 * t + 1) - p0) + v * (load3(corners, 3 * t + 2) - p0);
 
     // The five nearest, by insertion.
     float far[BLEND + 1];
     for (int k = 0; k <= BLEND; k++) { who[k] = list[0]; far[k] = INFINITY; }
-    for (int k = 0; k < NEAR; k++) {
+    for (int k = 0; k < PER_ENTRY; k++) {
         uint e = list[k];
         float d2 = k > 0 && e == list[0] ? INFINITY : gap2_of(position, e, p.x, p.y, p.z);
         for (int m = 0; m <= BLEND; m++) {

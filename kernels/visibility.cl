@@ -72,7 +72,7 @@ __kernel void pack_hits(const uint count, __global const uint *ray, const float 
     int back = x * n[0] + y * n[1] + z * n[2] > 0.0f;
     uint entry = entry_of_point(cells, entries, cell_count, t, u[r], v[r], back);
     int blocked = entry == NO_ENTRY;
-    __global const uint *list = near_elements + (size_t)(blocked ? 0 : entry) * NEAR;
+    __global const uint *list = near_elements + (size_t)(blocked ? 0 : entry) * PER_ENTRY;
     __global const float *o = start + 3 * i;
     float s = escapes ? 0.0f : distance[r];
     float px = o[0] + s * x, py = o[1] + s * y, pz = o[2] + s * z;

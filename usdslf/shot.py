@@ -18,7 +18,7 @@ from typing import Any, Generic, TypeVar, overload
 import numpy as np
 from numpy.typing import NDArray
 
-from usdslf.animation.frames import Placed, carry
+from usdslf.animation.frames import PlacedFrame, carry
 from usdslf.animation.revealed import DarkProbes, probe_dark
 from usdslf.cache import keeps
 from usdslf.elements.elements import Elements, refresh_reflectance, sample_elements
@@ -117,7 +117,7 @@ class Shot:
     seconds: dict[str, float] = field(default_factory=dict, repr=False)
     warnings: list[str] = field(default_factory=list, repr=False)
     lock: Any = field(default_factory=threading.RLock, repr=False)
-    laid: Placed | None = field(default=None, repr=False)
+    laid: PlacedFrame | None = field(default=None, repr=False)
     start: list[LightField] = field(default_factory=list, repr=False)
 
     @staticmethod
@@ -261,10 +261,10 @@ class Shot:
     def light_field(self) -> LightField:
         """The surface light field of the shot as it is; others start from it (`LightField.with_surface`)."""
         fixed, elements, kept = self.fixed_light, self.elements, self.kept
-        links, normals = (self.device, elements, self.lookup, self.visibility), self.scene.triangles.face_normals
+        links = self.device, elements, self.lookup, self.visibility
 
         def make() -> LightField:
-            found = LightField(*links, fixed, normals, self.model)
+            found = LightField(*links, fixed, self.model)
             if self.start:
                 found.start_from(self.start[0])
             if kept:
@@ -348,10 +348,10 @@ class Shot:
             self, frame=frame, device_name=self.device, seconds={}, warnings=[], lock=threading.RLock(), laid=None,
             start=[field] if field else [],
         )  # fmt: skip
-        placed: Placed | Afresh | None
+        placed: PlacedFrame | Afresh | None
         placed = why_not_comparable(self.laid.scene if self.laid else self.scene, other.scene)
         if placed is None:
-            laid = self.laid or Placed(self.scene, self.elements, self.lookup, self.visibility, self.dark_probes)
+            laid = self.laid or PlacedFrame(self.scene, self.elements, self.lookup, self.visibility, self.dark_probes)
             scene, tracer = other.scene, other.tracer
             with step("visibility", other.seconds):
                 placed = tell_during(lambda: carry(laid, scene, tracer, self.device))

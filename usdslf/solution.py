@@ -23,7 +23,7 @@ from usdslf.errors import SolveError, StrokeError
 from usdslf.inference.answer_residuals import residual_as_preview
 from usdslf.inference.answers import Answer, Painted, Pool
 from usdslf.inference.changes import changes_of
-from usdslf.inference.direct import gather_stroke, infer_changes
+from usdslf.inference.direct import MOST_ROUNDS, gather_stroke, infer_changes
 from usdslf.inference.indirect import infer_indirect
 from usdslf.inference.weights import Options
 from usdslf.light_field.light_field import LightField
@@ -43,8 +43,6 @@ from usdslf.stylize.unsharp_mask import (
     stylize_light,
 )
 from usdslf.surfaces.reflectance import model_of
-
-ROUNDS = 4  # of a solve, at most; of a style two
 
 
 @dataclass(frozen=True)
@@ -218,7 +216,7 @@ def _answers(
     if any(p.stroke.mode == "direct" for p in painted):
         rounds = infer_changes(painted, shot.scene, field, s.weights, choose, bounces, said, s.similarity)
         for number, direct in enumerate(rounds):  # noqa: B007
-            tell((number + 1) / ROUNDS)
+            tell((number + 1) / MOST_ROUNDS)
     if not model_of(shot.model).is_authored:
         as_preview = {a.pool: residual_as_preview(a, painted, field) for a in direct}
     if not any(p.stroke.mode == "indirect" for p in painted):

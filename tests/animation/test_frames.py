@@ -170,9 +170,8 @@ def test_iterations_go_on_from_the_last_frame_to_the_same_light(first: Session) 
     second._say = lambda step, share: told.append(step)
     warm = second.light_field
     cold = LightField(
-        second.device, second.elements, second.lookup, second.visibility, second.fixed_light,
-        second.scene.triangles.face_normals,
-    )  # fmt: skip
+        second.device, second.elements, second.lookup, second.visibility, second.fixed_light
+    )
     needed = len(list(cold.converge(8)))
     assert told.count("light field") - 2 < needed  # beside its begin and end
     list(cold.converge(40, 1e-6))

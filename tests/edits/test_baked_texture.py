@@ -14,7 +14,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
-from usdslf.color import USD_DEFAULT_SPACE, Color
+from usdslf.color import USD_DEFAULT_SPACE, Color, color_of
 from usdslf.edits.baked_texture import Baked, bake_texture, plain_texture
 from usdslf.errors import AuthorError
 from usdslf.scene.records import Material, Scene, Texture
@@ -55,7 +55,8 @@ def constant_delta(*value: float) -> Any:
 
 def bake(scene: Scene, texture: Texture, faces: list[int], delta: Any, folder: Path, **more: Any) -> Baked:
     triangles = np.flatnonzero(np.isin(scene.triangles.face, faces))
-    return bake_texture(scene, texture, triangles, delta, folder / "map", **more)
+    color = color_of(scene.ocio, scene.working_space)
+    return bake_texture(scene, texture, triangles, delta, folder / "map", color, **more)
 
 
 # ---- texels and the points they lie on -----------------------------------------------------------------

@@ -18,12 +18,12 @@ from pxr import Usd
 from reference.pathtracer import Tracer, camera_rays
 
 from usdslf.gallery.play import SIZE
-from usdslf.procedural.shot import Inputs, Shot
+from usdslf.procedural.built_shot import BuiltShot, Inputs
 from usdslf.usd.build_stage import write_stage
 
 
 def true_colors(
-    shot: Shot, folder: Path, changes: Mapping[str, Inputs], places: Sequence[tuple[float, float]], radius: float,
+    shot: BuiltShot, folder: Path, changes: Mapping[str, Inputs], places: Sequence[tuple[float, float]], radius: float,
     paths: int = 4096, view: int = 0, depth: int = 8,
 ) -> NDArray[np.float64]:  # fmt: skip
     """Returns mean radiances (n, 3) of dabs; places (n, 2) in 0..1 of the picture, radius in picture heights.

@@ -80,7 +80,7 @@ def of_elements(
     lookup = ElementLookup(scene, tracer, elements)
     visibility = trace_visibility(elements, lookup, tracer, device)
     fixed = static_light(elements, tracer, scene.lights, visibility).diffuse
-    field = LightField(device, elements, lookup, visibility, fixed, scene.triangles.face_normals, model)
+    field = LightField(device, elements, lookup, visibility, fixed, model)
     for _ in field.converge(bounces, tolerance):
         pass
     return Lit(scene, tracer, elements, lookup, visibility, fixed, field)
@@ -117,7 +117,7 @@ def under_sky(
     hit = np.full((n, D), ESCAPES, np.uint32)
     fixed = np.broadcast_to(np.float32(fixed), (n, D, 3))
     visibility = SimpleNamespace(hit=hit)
-    field = LightField(device, elements, None, visibility, fixed, np.zeros((0, 3), np.float32), model)
+    field = LightField(device, elements, None, visibility, fixed, model)
     field.bounce()
     return device.download(field.outgoing_d)
 

@@ -17,8 +17,8 @@ from kit.varying_floor import stroke as dabs
 import usdslf
 from usdslf.errors import StrokeError
 from usdslf.light_field.light_field import LightField
+from usdslf.procedural.built_shot import BuiltShot, Lamp, Part, View
 from usdslf.procedural.shapes import ball, panel
-from usdslf.procedural.shot import Lamp, Part, Shot, View
 from usdslf.scene.cameras import project_points
 from usdslf.session import Session
 from usdslf.similarity.similarity import Weights
@@ -43,7 +43,7 @@ def opened(tmp_path_factory: pytest.TempPathFactory) -> usdslf.Shot:
     )
     lamps = (Lamp("lamp", "rect", (9.0, 9.0, 9.0), (0.3, 2.0, 1.5), (0, 0.2, 0), (1.0, 1.0)),)
     materials = {m: {"diffuseColor": c, "roughness": 0.6} for m, c in COLORS.items()}
-    shot = Shot("balls", materials, parts, lamps, (View("camera", (0, 0.5, 2.6), (0, 0.25, 0)),))
+    shot = BuiltShot("balls", materials, parts, lamps, (View("camera", (0, 0.5, 2.6), (0, 0.25, 0)),))
     return Session(str(write_stage(shot, tmp_path_factory.mktemp("balls"))), elements=700).shot
 
 

@@ -44,7 +44,7 @@ def scene(device: Device) -> SimpleNamespace:
         N, diffuse=rng.uniform(0.1, 0.7, (N, 3)), f0=f0, f90=np.ones(N), roughness=rng.uniform(0.1, 0.9, N)
     )
     visibility = SimpleNamespace(hit=np.full((N, D), ESCAPES, np.uint32))
-    field = LightField(device, elements, None, visibility, _light(rng), np.zeros((0, 3), np.float32))
+    field = LightField(device, elements, None, visibility, _light(rng))
     field.bounce()
 
     def columns(roughness: np.ndarray) -> np.ndarray:
@@ -154,7 +154,7 @@ def test_no_light_and_no_freedom_change_nothing(scene: SimpleNamespace, device: 
     assert fit.changed[:4:2, 0].all() and not fit.changed[1::2].any() and not fit.changed[4:, 0].any()
     assert fit.changed[4:, 1:].any()
     visibility = SimpleNamespace(hit=np.full((N, D), ESCAPES, np.uint32))
-    dark = LightField(device, scene.elements, None, visibility, np.zeros((N, D, 3), np.float32), np.zeros((0, 3)))
+    dark = LightField(device, scene.elements, None, visibility, np.zeros((N, D, 3), np.float32))
     nothing = _fit(SimpleNamespace(field=dark, device=device), np.zeros((N, D, 3)))
     assert not nothing.changed.any() and np.isfinite(nothing.diffuse).all()
 
@@ -180,7 +180,7 @@ def test_a_metal_stays_one(device: Device) -> None:
     color = rng.uniform(0.3, 0.8, (N, 3))
     elements = lone_elements(N, diffuse=np.zeros(N), f0=color, f90=color, roughness=np.full(N, 0.3))
     visibility = SimpleNamespace(hit=np.full((N, D), ESCAPES, np.uint32))
-    field = LightField(device, elements, None, visibility, _light(rng), np.zeros((0, 3), np.float32))
+    field = LightField(device, elements, None, visibility, _light(rng))
     field.bounce()
     may = np.ones((N, 3), bool)
     may[follows_f0(field), 0] = False

@@ -59,7 +59,7 @@ def _field(device: Device, model: str, light: np.ndarray, **reflectance: np.ndar
     n = len(light)
     elements = lone_elements(n, **reflectance)
     visibility = SimpleNamespace(hit=np.full((n, D), ESCAPES, np.uint32))
-    field = LightField(device, elements, None, visibility, light, np.zeros((0, 3), np.float32), model)
+    field = LightField(device, elements, None, visibility, light, model)
     field.bounce()
     return field
 

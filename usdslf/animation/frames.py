@@ -1,6 +1,6 @@
 """Frames: what was placed and traced at one frame, taken to another.
 
-    carry(placed, scene, tracer, device) -> Placed at the scene's frame, or why all has to start afresh
+    carry(placed, scene, tracer, device) -> PlacedFrame at the scene's frame, or why all has to start afresh
 
 It starts from the frame that elements were laid at each time, so that errors do not add up from frame to frame.
 """
@@ -23,7 +23,7 @@ from usdslf.scene.records import Scene
 
 
 @dataclass(frozen=True)
-class Placed:
+class PlacedFrame:
     """A frame's scene, with what was placed and traced in it."""
 
     scene: Scene
@@ -33,7 +33,7 @@ class Placed:
     probes: DarkProbes  # of the frame that elements were laid at
 
 
-def carry(first: Placed, scene: Scene, tracer: RayTracer, device: Device) -> Placed | Afresh:
+def carry(first: PlacedFrame, scene: Scene, tracer: RayTracer, device: Device) -> PlacedFrame | Afresh:
     """Takes elements and visibility to another frame of meshes that are comparable (`difference.why_not_comparable`).
 
     Elements keep their places on what moved, surfaces that see light only now get new ones, and visibility is traced
@@ -61,7 +61,7 @@ def carry(first: Placed, scene: Scene, tracer: RayTracer, device: Device) -> Pla
         return replace(first, scene=scene, elements=elements)
     lookup = first.lookup.after(scene, tracer, elements, moved)
     visibility = retrace(first.visibility, first.lookup, elements, lookup, tracer, device, moved)
-    return Placed(scene, elements, lookup, visibility, first.probes)
+    return PlacedFrame(scene, elements, lookup, visibility, first.probes)
 
 
 def _same_light(before: Scene, after: Scene) -> bool:

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from usdslf.elements.elements import LEAST, Elements
 from usdslf.elements.lookup import ElementLookup
-from usdslf.elements.neighbours import NEAR, NONE
+from usdslf.elements.neighbours import NONE, PER_ENTRY
 from usdslf.gpu.device import Device
 from usdslf.light_field.links import BLOCKED
 from usdslf.light_field.visibility import Visibility, trace_bins
@@ -158,7 +158,7 @@ def _cones(spaces: tuple[Space, ...], elements: Elements, tracer: RayTracer) -> 
 def _named_otherwise(before: ElementLookup, now: ElementLookup, scene: Scene, moved: NDArray) -> NDArray[np.int64]:
     """The elements that named hits on what moved, and on cells that name others now."""
     asked = np.ones(len(now.divisions), bool)
-    found = [np.zeros((0, NEAR), np.uint32)]
+    found = [np.zeros((0, PER_ENTRY), np.uint32)]
     if now.kept_from is before:
         # Cells that were kept share their entries with those before, which are told apart one by one.
         old, new = before.elements_of_entry[now.kept_entries], now.elements_of_entry[: len(now.kept_entries)]
@@ -166,7 +166,7 @@ def _named_otherwise(before: ElementLookup, now: ElementLookup, scene: Scene, mo
         asked = now.done_again
     stay = ~moved[scene.triangles.mesh] & (before.divisions == now.divisions)
     gone, same = (_cells_of(before, asked & ~stay), _cells_of(before, asked & stay))
-    found.append(_lists(before, gone).reshape(-1, NEAR))
+    found.append(_lists(before, gone).reshape(-1, PER_ENTRY))
     old, new = _lists(before, same), _lists(now, _cells_of(now, asked & stay))
     found.append(old[(old != new).any(-1)])
     names = np.unique(np.concatenate(found))

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from usdslf.animation.frames import Placed, carry
+from usdslf.animation.frames import PlacedFrame, carry
 from usdslf.cache import switched
 from usdslf.gallery import still_life
 from usdslf.gallery.play import Play
@@ -139,11 +139,11 @@ def _moved(session: Session) -> tuple[float, str, float]:
     shift = np.array([0.1, 0.3, 0.2], np.float32)
     meshes = [replace(m, positions=m.positions + shift) if m.path == MOVER else m for m in session.scene.meshes]
     scene = replace(session.scene, meshes=tuple(meshes))
-    placed = Placed(session.scene, session.elements, session.lookup, session.visibility, session.dark_probes)
+    placed = PlacedFrame(session.scene, session.elements, session.lookup, session.visibility, session.dark_probes)
 
     def move() -> None:
         found = carry(placed, scene, RayTracer(scene), session.device)
-        assert isinstance(found, Placed), found
+        assert isinstance(found, PlacedFrame), found
 
     def trace() -> None:
         trace_visibility(session.elements, session.lookup, session.tracer, session.device)

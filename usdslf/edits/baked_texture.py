@@ -20,7 +20,7 @@ import numpy as np
 import OpenImageIO as oiio
 from numpy.typing import ArrayLike, NDArray
 
-from usdslf.color import Color, color_of
+from usdslf.color import Color
 from usdslf.errors import AuthorError
 from usdslf.progress import tell, undisturbed
 from usdslf.replacing import beside, put_in_place
@@ -64,9 +64,9 @@ def bake_texture(
     triangles: NDArray,
     delta: Delta,
     place: str | os.PathLike[str],
+    color: Color,
     *,
     size: tuple[int, int] | None = None,
-    color: Color | None = None,
     warnings: list[str] | None = None,
 ) -> Baked:
     """Writes a texture with a change that varies over triangles of a scene.
@@ -82,7 +82,6 @@ def bake_texture(
     Raises:
         AuthorError: the texture cannot be read, nothing is painted on it, or a file cannot be written.
     """
-    color = color or color_of(scene.ocio, scene.working_space)
     images = load_texture(texture, color) or _plain(texture, size)
     making = _Making(scene, texture, np.unique(triangles), delta, Path(place), color)
     try:

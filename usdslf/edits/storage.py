@@ -141,7 +141,7 @@ def store(
     stem = f"{m.path.rsplit('/', 1)[-1]}_{name}"
     size = _room(value, color, varying) if isinstance(value, Texture) else size
     return bake_texture(
-        scene, texture, storage.triangles, delta, folder / stem, size=size, color=color, warnings=warnings
+        scene, texture, storage.triangles, delta, folder / stem, color, size=size, warnings=warnings
     )
 
 

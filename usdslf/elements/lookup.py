@@ -26,8 +26,8 @@ from usdslf.elements.cells import (
     steady_divisions,
     wanted_divisions,
 )
-from usdslf.elements.neighbours import NEAR, NONE, near_elements
-from usdslf.scene.records import F32, Scene
+from usdslf.elements.neighbours import NONE, PER_ENTRY, near_elements
+from usdslf.scene.records import Scene
 
 if TYPE_CHECKING:
     from usdslf.elements.elements import Elements
@@ -52,7 +52,7 @@ class DeviceLookup:
     cells_of_triangle_d: Any  # (T, 2) uint32: first cell, divisions n
     face_normal_d: Any  # (T, 3) float32
     entry_of_cell_d: Any  # (2, C) uint32, front and back; NONE where no light comes
-    elements_of_entry_d: Any  # (entries, NEAR) uint32, nearest first; the first again where there are fewer
+    elements_of_entry_d: Any  # (entries, PER_ENTRY) uint32, nearest first; the first again where there are fewer
     position_d: Any  # (N, 3) float32
     frames_d: Any  # (N, 3, 3) float32
     corners_d: Any  # (T, 3, 3) float32
@@ -125,7 +125,7 @@ class ElementLookup:
         squares = self.divisions.astype(np.int64) ** 2
         self.first_cell = (np.cumsum(squares) - squares).astype(np.uint32)
         self.entry_of_cell = np.full((2, int(squares.sum())), NONE, np.uint32)
-        self.elements_of_entry = np.full((0, NEAR), NONE, np.uint32)
+        self.elements_of_entry = np.full((0, PER_ENTRY), NONE, np.uint32)
         self.kept_from: ElementLookup | None = None  # with what stayed as it was there:
         self.kept_entries = np.zeros(0, np.int64)  # (k,) there, of the first k entries
         self.done_again = again  # (T,)
@@ -174,7 +174,7 @@ class ElementLookup:
         """Names the elements of some entries (n,), of `count`, whose cells (n,), + C on the back, stand for them."""
         total = self.entry_of_cell.shape[1]
         more = count - len(self.elements_of_entry)
-        self.elements_of_entry = np.concatenate([self.elements_of_entry, np.full((more, NEAR), NONE, np.uint32)])
+        self.elements_of_entry = np.concatenate([self.elements_of_entry, np.full((more, PER_ENTRY), NONE, np.uint32)])
         self._cell_of_entry = np.concatenate([self._cell_of_entry, np.zeros(more, np.int64)])
         self._reach_of_entry = np.concatenate([self._reach_of_entry, np.zeros(more, np.float32)])
         self._middle_of_entry = np.concatenate([self._middle_of_entry, np.zeros((more, 3), np.float32)])
@@ -242,11 +242,6 @@ class ElementLookup:
         return at, self._cell_of_entry[at]
 
     @property
-    def face_normals(self) -> F32:
-        """Unit normals (T, 3) of the triangles: a ray against them arrives on the front."""
-        return self._scene.triangles.face_normals
-
-    @property
     def nbytes(self) -> int:
         """Bytes of the tables."""
         return sum(a.nbytes for a in (self.divisions, self.first_cell, self.entry_of_cell, self.elements_of_entry))
@@ -275,10 +270,10 @@ class ElementLookup:
         """
         tri = np.asarray(triangle)
         entry = self.entry(tri, barycentric, side)
-        dead = entry == NONE
+        unreached = entry == NONE
         if not len(self.elements_of_entry):
             return np.zeros((len(tri), BLEND), np.int64), np.zeros((len(tri), BLEND), np.float32)
-        near = self.elements_of_entry[np.where(dead, 0, entry)]  # (n, NEAR)
+        near = self.elements_of_entry[np.where(unreached, 0, entry)]  # (n, PER_ENTRY)
         point = interpolate(self._scene.triangles.positions, tri, np.asarray(barycentric)).astype(np.float32)
         missing = near == NONE
         near = self._filled(near)
@@ -288,7 +283,7 @@ class ElementLookup:
         near = np.take_along_axis(near, order, 1)
         distance = np.take_along_axis(distance, order, 1)
         weight = blend_weights(distance)
-        weight[dead] = 0
+        weight[unreached] = 0
         return near[:, :BLEND].astype(np.int64), weight
 
     @staticmethod

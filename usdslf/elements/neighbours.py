@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from usdslf.rays import RayTracer
 
 NONE = np.uint32(0xFFFFFFFF)
-NEAR = 8  # elements an entry names
+PER_ENTRY = 8  # elements an entry names
 ASKED = 10  # elements that are considered for them
 BATCH = 16384
 NORMAL_WEIGHT = 1.0  # spacings for a normal turned by one radian
@@ -35,7 +35,7 @@ def near_elements(
     group: NDArray,
     spacing: NDArray,
 ) -> tuple[NDArray[np.uint32], NDArray[np.float32]]:
-    """Names the elements (n, NEAR) near cells: nearest first, those in agreement and in sight only.
+    """Names the elements (n, PER_ENTRY) near cells: nearest first, those in agreement and in sight only.
 
     Returns also: (n,) how far from a cell's centre that was looked at, at most.
     """
@@ -44,7 +44,7 @@ def near_elements(
     own = np.flatnonzero(asked[element_group])  # elements of other groups are no answer
     count = len(own)
     if not len(group):
-        return np.zeros((0, NEAR), np.uint32), np.zeros(0, np.float32)
+        return np.zeros((0, PER_ENTRY), np.uint32), np.zeros(0, np.float32)
     groups = np.concatenate([element_group[own], group])
     both = surface_coordinates(
         np.concatenate([elements.position[own], position]),
@@ -62,7 +62,7 @@ def near_elements(
         near[rows] = tree.query(asked_for, k, distance_upper_bound=reach, workers=tracer.threads)[1].reshape(-1, k)
     found = near < count
     near = own[np.where(found, near, 0)]
-    out = np.full((len(position), NEAR), NONE, np.uint32)
+    out = np.full((len(position), PER_ENTRY), NONE, np.uint32)
     far = np.zeros(len(position), np.float32)
     position, normal, face = (a.astype(np.float32) for a in (position, normal, face))
     for rows in in_blocks(len(position), BATCH):
@@ -80,7 +80,7 @@ def _in_sight(
     normal: F32,
     face: F32,
 ) -> tuple[NDArray[np.uint32], NDArray[np.float32]]:
-    """Sorts near elements (n, k) by distance and keeps those (n, NEAR) that agree and are in sight.
+    """Sorts near elements (n, k) by distance and keeps those (n, PER_ENTRY) that agree and are in sight.
 
     Returns also: (n,) how far from the position that was looked at.
     """
@@ -101,8 +101,8 @@ def _in_sight(
     good = np.where(seen.any(1, keepdims=True), seen, good)
 
     gap2 = np.where(good, gap2, np.float32(np.inf))
-    order = np.argsort(gap2, 1, kind="stable")[:, :NEAR]
-    out = np.full((len(near), NEAR), NONE, np.uint32)
+    order = np.argsort(gap2, 1, kind="stable")[:, :PER_ENTRY]
+    out = np.full((len(near), PER_ENTRY), NONE, np.uint32)
     out[:, : order.shape[1]] = np.where(
         np.isfinite(np.take_along_axis(gap2, order, 1)), np.take_along_axis(near, order, 1), int(NONE)
     )

@@ -126,7 +126,11 @@ def _sees(tracer: RayTracer, origin: NDArray, normal: NDArray, target: NDArray) 
 
 
 def _sample_light_point(light: Light, n: int, rng: np.random.Generator) -> tuple[F64, F64]:
-    """Returns random points (n, 3) of a light's shape and the way each shines (n, 3), zero for all ways."""
+    """Returns random points (n, 3) of a light's shape and the way each shines (n, 3), zero for all ways.
+
+    Not `lights.sampling`, which draws directions of what is seen from a point, by solid angle, with their density: here
+    any point of the shape will do, whatever hides the others, and its far side counts where light passes it.
+    """
     if light.kind in ("rect", "disk"):
         p = np.zeros((n, 3))
         if light.kind == "rect":

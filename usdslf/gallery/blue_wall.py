@@ -8,8 +8,8 @@ import numpy as np
 
 from usdslf.gallery.play import changed_material
 from usdslf.gallery.records import Entry, PlayLike, Point, Rgb, Step
+from usdslf.procedural.built_shot import BuiltShot, Inputs, Lamp, Part, View
 from usdslf.procedural.shapes import panel, rounded_box
-from usdslf.procedural.shot import Inputs, Lamp, Part, Shot, View
 
 RADIUS = 0.012
 MATERIALS: dict[str, Inputs] = {
@@ -24,7 +24,7 @@ GAIN = (0.99, 1.1)  # of the floor's radiance, in the first stroke and when the 
 SEEN: Rgb = (0.125, 0.13, 0.145)  # what the floor has near the wall
 
 
-def build(folder: Path, hdri: str | None = None) -> Shot:
+def build(folder: Path, hdri: str | None = None) -> BuiltShot:
     """Returns the wall's shot."""
     parts = (
         Part("floor", panel((-1.2, 0, 1.2), (2.4, 0, 0), (0, 0, -2)), "floor"),
@@ -37,7 +37,7 @@ def build(folder: Path, hdri: str | None = None) -> Shot:
         Lamp("fill", "dome", (0.1, 0.1, 0.1)),
     )
     views = (View("camera", (0.0, 1.3, 2.7), (0.0, 0.15, -0.2), 40.0), View("right_eye", (0.8, 1.1, 2.3), (0, 0.2, 0)))
-    return Shot("blue_wall", MATERIALS, parts, lamps, views)
+    return BuiltShot("blue_wall", MATERIALS, parts, lamps, views)
 
 
 def run(play: PlayLike) -> None:

@@ -13,8 +13,8 @@ import numpy as np
 
 from usdslf.gallery.play import changed_material
 from usdslf.gallery.records import Entry, PlayLike, Rgb
+from usdslf.procedural.built_shot import BuiltShot, Inputs, Lamp, Part, View
 from usdslf.procedural.shapes import ball, lathe, panel, rounded_box
-from usdslf.procedural.shot import Inputs, Lamp, Part, Shot, View
 
 RADIUS = 0.012
 MATERIALS: dict[str, Inputs] = {
@@ -28,7 +28,7 @@ WHITE: Rgb = (0.27, 0.27, 0.27)
 YELLOW: Rgb = (0.42, 0.36, 0.215)
 
 
-def build(folder: Path, hdri: str | None = None) -> Shot:
+def build(folder: Path, hdri: str | None = None) -> BuiltShot:
     """Returns the ring's shot."""
     band = np.array([[0.66, 0.0], [0.66, 0.26], [0.62, 0.26], [0.62, 0.0]])
     profile = np.concatenate([np.linspace(a, b, 6) for a, b in pairwise(band)])
@@ -44,7 +44,7 @@ def build(folder: Path, hdri: str | None = None) -> Shot:
         Lamp("fill", "dome", (0.09, 0.095, 0.1)),
     )
     views = (View("camera", (0.0, 2.2, 2.6), (0.0, 0.05, 0.0), 40.0), View("above", (-0.9, 2.4, 1.6), (0, 0, 0), 40.0))
-    return Shot("caustic", MATERIALS, parts, lamps, views)
+    return BuiltShot("caustic", MATERIALS, parts, lamps, views)
 
 
 def run(play: PlayLike) -> None:

@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
 from usdslf.gallery.records import Dabs, Entry, PlayLike, on_picture
+from usdslf.procedural.built_shot import BuiltShot, Inputs, Lamp, Part, View
 from usdslf.procedural.shapes import curve, lathe, panel
-from usdslf.procedural.shot import Inputs, Lamp, Part, Shot, View
 from usdslf.scene.records import F32
 from usdslf.session import Session
 from usdslf.textures.images import write_image
@@ -60,7 +60,7 @@ def bumps(size: int = 256, height: float = 2.2) -> F32:
     return (0.5 + 0.5 * n / np.linalg.norm(n, axis=-1, keepdims=True)).astype(np.float32)
 
 
-def build(folder: Path, hdri: str | None = None) -> Shot:
+def build(folder: Path, hdri: str | None = None) -> BuiltShot:
     """Returns the shot, its textures written."""
     write_image(folder / "speckles.png", speckles())
     write_image(folder / "bumps.png", bumps())
@@ -79,7 +79,7 @@ def build(folder: Path, hdri: str | None = None) -> Shot:
         View("camera", (0.1, 0.75, 2.1), (0.0, 0.36, 0.0), 46.0),
         View("from_the_left", (-1.5, 0.85, 1.5), (0.0, 0.36, 0.0), 46.0),
     )
-    return Shot("detail", MATERIALS, parts, lamps, views)
+    return BuiltShot("detail", MATERIALS, parts, lamps, views)
 
 
 BLUISH: Dabs = (

@@ -16,7 +16,7 @@ from usdslf.gallery import sketch_specular
 from usdslf.gallery.plots import Axis, bars, lines
 from usdslf.gallery.records import Dabs, Entry, PlayLike, Step, on_picture
 from usdslf.light_field.light_field import LightField
-from usdslf.procedural.shot import Inputs
+from usdslf.procedural.built_shot import Inputs
 from usdslf.sampling.hemisphere import bin_of
 from usdslf.scene.records import F64
 from usdslf.session import Session

@@ -13,8 +13,8 @@ import numpy as np
 
 from usdslf.gallery.play import changed_material
 from usdslf.gallery.records import Entry, PlayLike, Point, Rgb, Step
+from usdslf.procedural.built_shot import BuiltShot, Inputs, Lamp, Part, View
 from usdslf.procedural.shapes import panel, rounded_box
-from usdslf.procedural.shot import Inputs, Lamp, Part, Shot, View
 
 RADIUS = 0.012
 WALLS: dict[str, Inputs] = {
@@ -30,7 +30,7 @@ FLOORS: dict[str, Inputs] = {
 }
 
 
-def shot_of(name: str, floor: str) -> Shot:
+def shot_of(name: str, floor: str) -> BuiltShot:
     """The room with one of the floors."""
     parts = (
         Part("floor", panel((-1, 0, 1), (2, 0, 0), (0, 0, -2)), "floor"),
@@ -45,10 +45,10 @@ def shot_of(name: str, floor: str) -> Shot:
     )
     camera = View("camera", (0.0, 1.05, 2.9), (0.0, 0.3, -0.2), 40.0)
     views = (camera, View("left_eye", (-0.7, 0.9, 2.6), (0.1, 0.3, 0)))
-    return Shot(name, {**WALLS, "floor": FLOORS[floor]}, parts, lamps, views)
+    return BuiltShot(name, {**WALLS, "floor": FLOORS[floor]}, parts, lamps, views)
 
 
-def _build(name: str, floor: str) -> Callable[[Path, str | None], Shot]:
+def _build(name: str, floor: str) -> Callable[[Path, str | None], BuiltShot]:
     return lambda folder, hdri: shot_of(name, floor)
 
 

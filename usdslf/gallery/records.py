@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from usdslf.procedural.shot import Shot
+from usdslf.procedural.built_shot import BuiltShot
 
 if TYPE_CHECKING:
     from usdslf.inference.answers import Answer
@@ -32,7 +32,7 @@ class Entry:
     figures: str  # of the paper, e.g. "19"
     title: str
     claim: str  # what the figure claims, one sentence
-    build: Callable[[Path, str | None], Shot]  # folder, --hdri -> the shot; writes its textures into the folder
+    build: Callable[[Path, str | None], BuiltShot]  # folder, --hdri -> the shot; writes its textures into the folder
     run: Callable[[PlayLike], None]  # paints, solves and says what it shows
     elements: int = 10000
     has_environment: bool = False  # is lit by --hdri where that is given
@@ -73,7 +73,7 @@ class Shown:
 class PlayLike(Protocol):
     """What an entry uses of the play that runs it; `play.Play` says what each does."""
 
-    shot: Shot
+    shot: BuiltShot
     folder: Path
     size: tuple[int, int]
     samples: int

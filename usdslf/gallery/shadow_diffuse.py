@@ -14,8 +14,8 @@ import numpy as np
 
 from usdslf.gallery.records import Dabs, Entry, PlayLike, on_picture
 from usdslf.gallery.still_life import teapot
+from usdslf.procedural.built_shot import BuiltShot, Inputs, Lamp, Part, View
 from usdslf.procedural.shapes import Shape, curve, lathe, panel, rounded_box
-from usdslf.procedural.shot import Inputs, Lamp, Part, Shot, View
 
 RADIUS = 0.014
 MATERIALS: dict[str, Inputs] = {
@@ -38,7 +38,7 @@ def column() -> Shape:
     return lathe(curve(profile, 120), 64)
 
 
-def build(folder: Path, hdri: str | None = None) -> Shot:
+def build(folder: Path, hdri: str | None = None) -> BuiltShot:
     """Returns the shot."""
     columns = [
         Part(f"column_{i}", column().moved((x, 0, -0.15)), "stone") for i, x in enumerate(np.linspace(-0.9, 0.9, 4))
@@ -59,7 +59,7 @@ def build(folder: Path, hdri: str | None = None) -> Shot:
         View("camera", (0.15, 1.15, 2.45), (-0.08, 0.34, 0.0), 34.0),
         View("across", (1.5, 1.0, 1.9), (-0.15, 0.34, 0.05), 34.0),
     )
-    return Shot("shadow_diffuse", MATERIALS, parts, lamps, views)
+    return BuiltShot("shadow_diffuse", MATERIALS, parts, lamps, views)
 
 
 IN_THE_SHADE: Dabs = (

@@ -12,8 +12,8 @@ from scipy.stats import spearmanr
 
 from usdslf.color import color_of
 from usdslf.gallery.records import Entry, PlayLike
+from usdslf.procedural.built_shot import BuiltShot, Inputs, Lamp, Part, View
 from usdslf.procedural.shapes import Shape, ball, panel, rounded_box, turned_about
-from usdslf.procedural.shot import Inputs, Lamp, Part, Shot, View
 from usdslf.scene.records import F32
 from usdslf.similarity.similarity import Weights
 
@@ -33,7 +33,7 @@ WEIGHTS = {
 }  # fmt: skip
 
 
-def build(folder: Path, hdri: str | None = None) -> Shot:
+def build(folder: Path, hdri: str | None = None) -> BuiltShot:
     """Returns the shot."""
 
     def box(x: float, z: float, turn: float) -> Shape:
@@ -51,7 +51,7 @@ def build(folder: Path, hdri: str | None = None) -> Shot:
         Lamp("lamp", "rect", (16.0, 15.0, 13.5), (-0.8, 2.0, 1.4), (0.0, 0.2, 0.0), size=(0.8, 0.8)),
         Lamp("sky", "dome", (0.35, 0.40, 0.48)),
     )
-    return Shot("similarity", MATERIALS, parts, lamps, (View("camera", (0.0, 0.85, 2.5), (0.0, 0.27, 0.0), 42.0),))
+    return BuiltShot("similarity", MATERIALS, parts, lamps, (View("camera", (0.0, 0.85, 2.5), (0.0, 0.27, 0.0), 42.0),))
 
 
 def falls(similarity: F32, distance: F32) -> float:

@@ -14,8 +14,8 @@ from pathlib import Path
 import numpy as np
 
 from usdslf.gallery.records import Dabs, Entry, PlayLike, on_picture
+from usdslf.procedural.built_shot import BuiltShot, Inputs, Lamp, Part, View
 from usdslf.procedural.shapes import Shape, ball, curve, join, lathe, panel, tube
-from usdslf.procedural.shot import Inputs, Lamp, Part, Shot, View
 from usdslf.procedural.textures import planks, studio
 from usdslf.textures.images import write_image
 
@@ -53,7 +53,7 @@ def dragon() -> Shape:
     return join(body, *spikes)
 
 
-def build(folder: Path, hdri: str | None = None) -> Shot:
+def build(folder: Path, hdri: str | None = None) -> BuiltShot:
     """Returns the shot, its textures written."""
     write_image(folder / "planks.png", planks())
     write_image(folder / "studio.exr", studio())
@@ -71,7 +71,7 @@ def build(folder: Path, hdri: str | None = None) -> Shot:
         View("camera", (0.12, 0.72, 1.75), (0.02, 0.20, 0.02)),
         View("from_the_right", (1.15, 0.62, 1.25), (0.02, 0.19, 0.0)),
     )
-    return Shot("sketch_specular", MATERIALS, parts, lamps, views)
+    return BuiltShot("sketch_specular", MATERIALS, parts, lamps, views)
 
 
 TRUTH: tuple[dict[str, Inputs], ...] = (

@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from usdslf.gallery.records import Dabs, Entry, PlayLike, Point, Rgb
+from usdslf.procedural.built_shot import BuiltShot, Inputs, Lamp, Part, View
 from usdslf.procedural.shapes import (
     Shape,
     ball,
@@ -28,7 +29,6 @@ from usdslf.procedural.shapes import (
     tube,
     turned_about,
 )
-from usdslf.procedural.shot import Inputs, Lamp, Part, Shot, View
 from usdslf.procedural.textures import planks, studio
 from usdslf.strokes.stroke import Stroke
 from usdslf.textures.images import write_image
@@ -59,11 +59,11 @@ TRUTH: dict[str, Inputs] = {
 """What the scripted strokes are meant to bring about: one parameter of each of three materials."""
 
 
-def build(folder: Path, hdri: str | None = None) -> Shot:
+def build(folder: Path, hdri: str | None = None) -> BuiltShot:
     """Returns the shot, its textures written."""
     write_image(folder / "planks.png", planks())
     write_image(folder / "studio.exr", studio())
-    return Shot("still_life", MATERIALS, (*_room(), *_objects()), _lamps(), _views())
+    return BuiltShot("still_life", MATERIALS, (*_room(), *_objects()), _lamps(), _views())
 
 
 def _room() -> tuple[Part, ...]:

@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 
 from usdslf.gallery.records import Entry, PlayLike
+from usdslf.procedural.built_shot import BuiltShot, Inputs, Lamp, Part, View
 from usdslf.procedural.shapes import ball, panel
-from usdslf.procedural.shot import Inputs, Lamp, Part, Shot, View
 from usdslf.procedural.textures import planks, studio
 from usdslf.scene.cameras import project_points
 from usdslf.strokes.anchors import unit
@@ -33,7 +33,7 @@ REPLACED = ((0.076, 0.131, 0.028), (0.092, 0.147, 0.034), (0.09, 0.145, 0.033), 
 """What replace paints, dab by dab: what a path tracer shows of the ball in TRUTH, rounded."""
 
 
-def build(folder: Path, hdri: str | None = None) -> Shot:
+def build(folder: Path, hdri: str | None = None) -> BuiltShot:
     """Returns the shot, its textures written."""
     write_image(folder / "planks.png", planks())
     write_image(folder / "studio.exr", studio())
@@ -56,7 +56,7 @@ def build(folder: Path, hdri: str | None = None) -> Shot:
         View("camera", (0.0, 0.55, 2.2), (0.0, 0.10, 0.0), 43.0),
         View("from_the_left", (-1.5, 0.6, 1.5), (-0.1, 0.1, 0.0), 40.0),
     )
-    return Shot("tools", materials, parts, lamps, views)
+    return BuiltShot("tools", materials, parts, lamps, views)
 
 
 def _x(ball_: int) -> float:

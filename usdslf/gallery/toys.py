@@ -15,8 +15,8 @@ import numpy as np
 
 from usdslf.gallery.records import Dabs, Entry, PlayLike, on_picture
 from usdslf.gallery.still_life import wagon
+from usdslf.procedural.built_shot import BuiltShot, Inputs, Lamp, Part, View
 from usdslf.procedural.shapes import Shape, ball, curve, join, lathe, panel, rounded_box, torus, turned_about
-from usdslf.procedural.shot import Inputs, Lamp, Part, Shot, View
 from usdslf.procedural.textures import planks, studio
 from usdslf.textures.images import write_image
 
@@ -57,7 +57,7 @@ def plane() -> tuple[Shape, Shape]:
     )  # fmt: skip
 
 
-def build(folder: Path, hdri: str | None = None) -> Shot:
+def build(folder: Path, hdri: str | None = None) -> BuiltShot:
     """Returns the shot, its textures written."""
     write_image(folder / "planks.png", planks())
     write_image(folder / "studio.exr", studio())
@@ -79,7 +79,7 @@ def build(folder: Path, hdri: str | None = None) -> Shot:
         View("camera", (0.08, 0.80, 1.75), (0.05, 0.13, 0.02), 42.0),
         View("from_the_left", (-1.25, 0.62, 1.25), (0.02, 0.12, 0.02), 42.0),
     )
-    return Shot("toys", MATERIALS, parts, lamps, views)
+    return BuiltShot("toys", MATERIALS, parts, lamps, views)
 
 
 RED_ON_WAGON: Dabs = (

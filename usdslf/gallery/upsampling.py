@@ -12,8 +12,8 @@ import numpy as np
 
 from usdslf.color import color_of
 from usdslf.gallery.records import Entry, PlayLike
+from usdslf.procedural.built_shot import BuiltShot, Inputs, Lamp, Part, View
 from usdslf.procedural.shapes import ball, panel
-from usdslf.procedural.shot import Inputs, Lamp, Part, Shot, View
 from usdslf.scene.records import F32, F64
 from usdslf.similarity.similarity import places_at
 from usdslf.similarity.upsample import upsample
@@ -42,7 +42,7 @@ def checker() -> F32:
     return np.where(is_ochre(np.stack([s, v], -1))[..., None], OCHRE, GREY).astype(np.float32)
 
 
-def build(folder: Path, hdri: str | None = None) -> Shot:
+def build(folder: Path, hdri: str | None = None) -> BuiltShot:
     """Returns the shot, its texture written."""
     write_image(folder / "checker.png", checker())
     parts = (
@@ -53,7 +53,8 @@ def build(folder: Path, hdri: str | None = None) -> Shot:
         Lamp("lamp", "rect", (12.0, 11.5, 10.5), (-0.8, 1.9, 1.0), (0.0, 0.0, 0.0), size=(0.8, 0.8)),
         Lamp("sky", "dome", (0.45, 0.48, 0.52)),
     )
-    return Shot("upsampling", MATERIALS, parts, lamps, (View("camera", (0.0, 1.35, 1.95), (0.0, 0.03, 0.0), 42.0),))
+    view = View("camera", (0.0, 1.35, 1.95), (0.0, 0.03, 0.0), 42.0)
+    return BuiltShot("upsampling", MATERIALS, parts, lamps, (view,))
 
 
 def run(play: PlayLike) -> None:

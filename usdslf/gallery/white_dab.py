@@ -15,8 +15,8 @@ import numpy as np
 
 from usdslf.gallery.records import Entry, PlayLike, on_picture
 from usdslf.gallery.sketch_specular import MATERIALS as SKETCH
+from usdslf.procedural.built_shot import BuiltShot, Inputs, Lamp, Part, View
 from usdslf.procedural.shapes import ball, panel
-from usdslf.procedural.shot import Inputs, Lamp, Part, Shot, View
 from usdslf.procedural.textures import planks, studio
 from usdslf.textures.images import write_image
 
@@ -31,7 +31,7 @@ TRUTH: dict[str, Inputs] = {"red_left": {"specularColor": (0.15, 0.15, 0.15)}}
 """What the dabs of rounds 2 and 3 were painted for."""
 
 
-def build(folder: Path, hdri: str | None = None) -> Shot:
+def build(folder: Path, hdri: str | None = None) -> BuiltShot:
     """Returns the shot, its textures written."""
     write_image(folder / "planks.png", planks())
     write_image(folder / "studio.exr", studio())
@@ -49,7 +49,7 @@ def build(folder: Path, hdri: str | None = None) -> Shot:
         View("camera", (0.0, 0.66, 1.75), (0.0, 0.19, 0.02), 44.0),
         View("from_the_left", (-1.15, 0.62, 1.30), (-0.05, 0.19, 0.0), 44.0),
     )
-    return Shot("white_dab", MATERIALS, parts, lamps, views)
+    return BuiltShot("white_dab", MATERIALS, parts, lamps, views)
 
 
 GLINT, BESIDE = (178, 155), (470, 200)  # on pictures of 640 x 360

@@ -18,8 +18,8 @@ from usdslf.gallery.records import Dabs, Entry, PlayLike, Step, on_picture
 from usdslf.inference.answers import Answer
 from usdslf.inference.bilinear import pool_tables
 from usdslf.inference.direct import gather_strokes, infer_changes
+from usdslf.procedural.built_shot import BuiltShot, Inputs, Lamp, Part, View
 from usdslf.procedural.shapes import ball, panel, rounded_box
-from usdslf.procedural.shot import Inputs, Lamp, Part, Shot, View
 
 RADIUS = 0.02
 MATERIALS: dict[str, Inputs] = {
@@ -32,7 +32,7 @@ TRUTH: dict[str, Inputs] = {"plaster": {"diffuseColor": (0.50, 0.62, 0.74)}}
 """The room that the stroke was painted for."""
 
 
-def build(folder: Path, hdri: str | None = None) -> Shot:
+def build(folder: Path, hdri: str | None = None) -> BuiltShot:
     """Returns the shot."""
     w, h, d = 2.0, 1.3, 2.2  # the room opens towards +Z
     parts = (
@@ -49,7 +49,7 @@ def build(folder: Path, hdri: str | None = None) -> Shot:
         View("camera", (0.0, 0.72, 2.55), (0.0, 0.5, 0.0), 36.0),
         View("from_the_left", (-0.65, 1.0, 1.9), (0.15, 0.35, -0.2), 30.0),
     )
-    return Shot("white_room", MATERIALS, parts, lamps, views)
+    return BuiltShot("white_room", MATERIALS, parts, lamps, views)
 
 
 PALE_BLUE: Dabs = (

@@ -13,8 +13,8 @@ import numpy as np
 from usdslf.gallery.environment import put_environment
 from usdslf.gallery.records import Entry, PlayLike, Point
 from usdslf.gallery.still_life import teapot
+from usdslf.procedural.built_shot import BuiltShot, Inputs, Lamp, Part, View
 from usdslf.procedural.shapes import Shape, curve, join, lathe, panel, tube
-from usdslf.procedural.shot import Inputs, Lamp, Part, Shot, View
 from usdslf.procedural.textures import planks
 from usdslf.scene.cameras import camera_rays
 from usdslf.session import Session
@@ -42,7 +42,7 @@ def cup() -> Shape:
     return join(lathe(curve(saucer, 80), 80), lathe(curve(bowl, 100), 80), tube(handle, 0.007))
 
 
-def build(folder: Path, hdri: str | None = None) -> Shot:
+def build(folder: Path, hdri: str | None = None) -> BuiltShot:
     """Returns the shot, its textures and environment written."""
     write_image(folder / "planks.png", planks())
     parts = (
@@ -56,7 +56,7 @@ def build(folder: Path, hdri: str | None = None) -> Shot:
         View("camera", (0.10, 0.62, 1.45), (-0.03, 0.15, 0.0), 46.0),
         View("from_the_left", (-0.95, 0.50, 1.05), (-0.05, 0.15, 0.0), 42.0),
     )
-    return Shot("window_light", MATERIALS, parts, lamps, views)
+    return BuiltShot("window_light", MATERIALS, parts, lamps, views)
 
 
 def run(play: PlayLike) -> None:

@@ -27,7 +27,7 @@ from usdslf.surfaces.reflectance import Parameters
 if TYPE_CHECKING:
     from usdslf.light_field.light_field import LightField, Surface
 
-AMBIGUOUS = 4.0  # cost between two explanations that is no difference
+TIED_COST = 4.0  # cost between two explanations that is no difference
 
 
 @dataclass(frozen=True)
@@ -88,7 +88,7 @@ class Answer:
     def ties(self) -> tuple[str, ...]:
         """Names of the other candidates that cost about the same, the cheapest first."""
         others = (c for c in self.candidates if c.id != self.chosen.id and c.is_admitted)
-        return tuple(c.id for c in others if abs(c.cost - self.chosen.cost) < AMBIGUOUS)
+        return tuple(c.id for c in others if abs(c.cost - self.chosen.cost) < TIED_COST)
 
 
 @dataclass

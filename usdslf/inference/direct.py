@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from usdslf.rays import RayTracer
 
 CONVERGED = 0.01  # relative change of the painted residual between rounds
-ROUNDS = 4  # n_b of the paper
+MOST_ROUNDS = 4  # n_b of the paper
 
 
 def gather_strokes(
@@ -101,7 +101,7 @@ def _rounds(answers: list[Answer], painted: list[Painted], original: Surface, as
     """Sends the changes' light round and fits again, until that changes little; yields the best so far each time."""
     field, kept, kept_surface = ask.field, None, original
     step, share = changes_of_answers(answers), 1.0
-    for number in range(ROUNDS):
+    for number in range(MOST_ROUNDS):
         _send_round(changed_surface(original, field, ask.scene, answers, painted), ask)
         evidence = [p.evidence(field) for p in painted]
         answers = [after_bounce(a, evidence, painted, field) for a in answers]
@@ -110,7 +110,7 @@ def _rounds(answers: list[Answer], painted: list[Painted], original: Surface, as
             _say_what_became_constant(kept or [], answers, painted, ask)
             kept, kept_surface = answers, field.surface
         yield kept
-        if done or number + 1 == ROUNDS:
+        if done or number + 1 == MOST_ROUNDS:
             break
         # The light that comes back answers every step: how much of the next one is taken follows from the last two.
         at = changes_of_answers(answers)

@@ -31,7 +31,7 @@ from usdslf.scene.records import Scene
 UNMET_COST = 1.0  # of each percent beyond MET by which an explanation is foreseen to miss a stroke's mean
 MOST_UNMET = 40.0
 MATERIAL_COST = 4.0  # of each material beside the first
-AMBIGUOUS = 5.0  # cost between two explanations that is no difference
+TIED_COST = 5.0  # cost between two explanations that is no difference
 MOST_DIELECTRIC = 0.3  # F0; no dielectric reflects as much
 JOINT_REACH = 0.5  # of a reflectance, that counts as one dab's error where all in sight change together
 
@@ -173,13 +173,13 @@ def choose_explanation(
 
 def _shared(best: Explanation, explanations: list[Explanation]) -> Explanation:
     """Where the diffuse colours of several materials would do about as well, all in sight take their share."""
-    near = [e for e in explanations if e.is_admitted and e.cost - best.cost < AMBIGUOUS and len(e.changes) == 1]
+    near = [e for e in explanations if e.is_admitted and e.cost - best.cost < TIED_COST and len(e.changes) == 1]
     materials = {e.changes[0].material for e in near if e.changes[0].candidate.freed == ("diffuse",)}
     joint = next((e for e in explanations if len(e.changes) > 1), None)
     if joint is None or len(materials) < 2 or best.changes[0].candidate.freed != ("diffuse",):
         return best
     cost = joint.cost - (len(joint.changes) - 1) * MATERIAL_COST
-    return joint if cost < best.cost + AMBIGUOUS else best
+    return joint if cost < best.cost + TIED_COST else best
 
 
 def _look(e: Explanation) -> tuple:
@@ -190,7 +190,7 @@ def _look(e: Explanation) -> tuple:
 
 def is_tie(e: Explanation, chosen: Explanation) -> bool:
     """Tells whether another explanation is as good as the chosen one, and not the same in other words."""
-    is_near = e.is_admitted and abs(e.cost - chosen.cost) < AMBIGUOUS and len(e.changes) == 1
+    is_near = e.is_admitted and abs(e.cost - chosen.cost) < TIED_COST and len(e.changes) == 1
     return is_near and bool(chosen.changes) and _look(e) != _look(chosen)
 
 

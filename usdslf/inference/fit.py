@@ -26,7 +26,7 @@ from usdslf.inference.weights import Options
 from usdslf.scene.records import F64
 
 TRUST = (0.5, 0.25, 0.15, 0.1, 0.07, 0.05)  # relative error of a dab at which it has half its weight, round by round
-ROUNDS = 4  # of Gauss and Newton, for the bilinear candidates
+STEPS = 4  # of Gauss and Newton, for the bilinear candidates
 
 
 class Specular(Enum):
@@ -211,7 +211,7 @@ def fit(problem: Problem, way: Way, level: int, trust: F64 | None = None) -> Fit
     def residual(dd: F64, df: F64, scale: F64) -> F64:
         return white @ ((b.p + dd * b.u + df * b.v - dd * df * b.w - t.target) / scale).reshape(-1)
 
-    rounds = ROUNDS if way.diffuse and way.has_specular else 2
+    rounds = STEPS if way.diffuse and way.has_specular else 2
     r = residual(dd, df, scale)
     for _ in range(rounds if way.has_colors else 0):
         columns, at, low, high = _linear(b, way, dd, df, scale, bounds)

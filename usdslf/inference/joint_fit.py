@@ -27,7 +27,7 @@ from usdslf.inference.weights import Options
 from usdslf.light_field.light_field import LightField, Surface
 from usdslf.surfaces.reflectance import Parameters, column_weights
 
-ROUNDS = 8
+MOST_STEPS = 8  # of Gauss and Newton, each under new light
 DONE = 0.02  # relative error of the strokes' means at which nothing is left to do
 MET = 0.05  # relative error of a stroke's mean colour at which it counts as met
 MEAN_ERROR = 0.03  # relative, of a stroke's mean colour
@@ -133,7 +133,7 @@ def fit_changes(
     best: tuple[float, F64, F64, Surface, F64] | None = None
     trust = np.ones(len(tables.target))
     gain, share, step, foreseen, rounds = 1.0, 1.0, np.zeros(len(x)), None, []
-    for _ in range(ROUNDS):
+    for _ in range(MOST_STEPS):
         now = _at(changes, x)
         surface = start
         for c in now:

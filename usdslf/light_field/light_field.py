@@ -107,19 +107,14 @@ class LightField:
         lookup: ElementLookup,
         visibility: Visibility,
         fixed: NDArray,
-        face_normals: NDArray,
         model: str = "preview_surface",
     ) -> None:
         """Uploads what stays: links, fixed light (N, D, 3), frames.
-
-        Args:
-            face_normals: (T, 3) of Scene.triangles, which tell the side that a ray hits.
 
         Raises: MemoryError_ where it does not fit the device.
         """
         n = len(elements.position)
         self.device, self.elements, self.lookup, self.model = device, elements, lookup, model
-        self.face_normals = face_normals
         require_memory(device, n)
         self.hit_d = device.upload(np.ascontiguousarray(visibility.hit, np.uint32))
         self.fixed_d = device.upload(np.ascontiguousarray(fixed, np.float32))

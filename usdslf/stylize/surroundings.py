@@ -19,13 +19,13 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from usdslf.elements.elements import Elements
+from usdslf.rays import LIFT
 from usdslf.scene.records import F32, I32
 
 if TYPE_CHECKING:
     from usdslf.rays import RayTracer
 
 MOST = 128  # places that stand for the surroundings of an element, on the average
-LIFT = 0.2  # of their distance: how far two places are lifted to look at each other
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,11 @@ def find_surroundings(elements: Elements, tracer: RayTracer, radius: float, most
 
 
 def _hidden(elements: Elements, tracer: RayTracer, here: NDArray, there: NDArray) -> NDArray[np.bool_]:
-    """Whether something stands between pairs (k,) of elements, asked once for both ways."""
+    """Whether something stands between pairs (k,) of elements, asked once for both ways.
+
+    Not `rays.see_each_other`, for which glass is a wall: between cells of one surface nothing is to be averaged across
+    it.  Here what can be seen through lets surroundings count, by its opacity, as it lets their light through.
+    """
     a, b = np.minimum(here, there), np.maximum(here, there)
     key, where = np.unique(a * len(elements) + b, return_inverse=True)
     a, b = key // len(elements), key % len(elements)

@@ -45,7 +45,7 @@ from usdslf.surfaces.reflectance import Parameters
 AMOUNT, MOST_AMOUNT = 1.0, 10.0
 RADIUS = 0.1  # of the scene's diagonal
 FEWEST = 4  # places that the surroundings of most elements must have
-ROUNDS = 2  # of light going round
+MOST_ROUNDS = 2  # of light going round
 CONVERGED = 0.01  # relative change of the residual between rounds
 FACTORS = {"l0": (1.0, 1.0, np.inf, np.inf), "mixed": (1.0, 1.0, 1.6, 2.6), "l2": (1.0, 1.0, 1.0, 1.0)}
 """Of the misfit where none, one, two, three parameters of an element change."""
@@ -211,7 +211,7 @@ def stylize_light(
     wanted_d = mask_light(field, near, amount)
     before = take_misfit(field, wanted_d)
     kept: Stylized | None = None
-    for _ in range(ROUNDS):
+    for _ in range(MOST_ROUNDS):
         now = field.surface
         found, scale = ask_elements(field, wanted_d, may_change)
         if kept is None:

@@ -61,7 +61,6 @@ def evaluate_surface(
     triangle: NDArray,
     barycentric: NDArray,
     normal_maps: bool = True,
-    color: Color | None = None,
 ) -> SurfacePoints:
     """Returns position, normals and reflectance at points on triangles.
 
@@ -70,9 +69,8 @@ def evaluate_surface(
         triangle: (n,) into scene.triangles.
         barycentric: (n, 2), point = (1 - u - v) P0 + u P1 + v P2.
         normal_maps: False keeps the interpolated normals.
-        color: default the scene's own config and working space.
     """
-    color = color or color_of(scene.ocio, scene.working_space)
+    color = color_of(scene.ocio, scene.working_space)
     tri = np.asarray(triangle, np.int32).reshape(-1)
     bary = np.asarray(barycentric, np.float32).reshape(-1, 2)
     table = scene.triangles
@@ -152,10 +150,10 @@ def reflectance_at(
 
 
 def evaluate_opacity(
-    scene: Scene, triangle: NDArray, barycentric: NDArray, color: Color | None = None
+    scene: Scene, triangle: NDArray, barycentric: NDArray
 ) -> tuple[F32, F32]:
     """Returns opacity and presence (n,), (n,) as `evaluate_surface` does, without the rest."""
-    color = color or color_of(scene.ocio, scene.working_space)
+    color = color_of(scene.ocio, scene.working_space)
     tri = np.asarray(triangle, np.int32).reshape(-1)
     weight = _weights(np.asarray(barycentric, np.float32).reshape(-1, 2))
     material = scene.triangles.material[tri]

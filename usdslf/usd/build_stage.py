@@ -11,14 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux, UsdShade, Vt
 
-from usdslf.procedural.shot import Inputs, Lamp, Part, Shot, View
+from usdslf.procedural.built_shot import BuiltShot, Inputs, Lamp, Part, View
 from usdslf.usd.files import write_layer
 
 Names = Sdf.ValueTypeNames
 COLORS = ("diffuseColor", "emissiveColor", "specularColor")
 
 
-def write_stage(shot: Shot, folder: Path, name: str = "shot.usda") -> Path:
+def write_stage(shot: BuiltShot, folder: Path, name: str = "shot.usda") -> Path:
     """Writes a shot into `folder`, where its textures lie already, and returns the stage's path.
 
     Raises: AuthorError where a file cannot be written.
@@ -31,7 +31,7 @@ def write_stage(shot: Shot, folder: Path, name: str = "shot.usda") -> Path:
     return folder / name
 
 
-def _fill(shot: Shot, root: Sdf.Layer, objects: Sdf.Layer) -> None:
+def _fill(shot: BuiltShot, root: Sdf.Layer, objects: Sdf.Layer) -> None:
     root.subLayerPaths.append(objects.identifier)
     stage = Usd.Stage.Open(root)
     UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.y)

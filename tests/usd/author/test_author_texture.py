@@ -13,6 +13,7 @@ from numpy.testing import assert_allclose
 from numpy.typing import NDArray
 from pxr import Gf, Sdf, Usd, UsdShade
 
+from usdslf.color import color_of
 from usdslf.edits.baked_texture import bake_texture, plain_texture
 from usdslf.edits.edits import MaterialChange, Reflectance
 from usdslf.scene.records import Scene, Texture
@@ -49,6 +50,7 @@ def baked_change(stage: Usd.Stage, folder: Path, name: str, scope: str = "materi
     triangles = np.flatnonzero(scene.triangles.mesh == row)
     baked = bake_texture(
         scene, texture, triangles, bend(channels)(scene), textures_folder(folder / "look.usda") / name,
+        color_of(scene.ocio, scene.working_space),
         size=None if texture.path else (64, 40),
     )  # fmt: skip
     same = Reflectance(np.zeros(3), np.zeros(3), 0.5)

@@ -52,7 +52,7 @@ class View:
 
 
 @dataclass(frozen=True)
-class Shot:
+class BuiltShot:
     """All of a shot.  The first view is the one that is painted in."""
 
     name: str
@@ -65,7 +65,7 @@ class Shot:
         """Path of a view's camera in the stage."""
         return f"/{self.name}/{self.views[number].name}"
 
-    def changed(self, changes: Mapping[str, Inputs]) -> Shot:
+    def changed(self, changes: Mapping[str, Inputs]) -> BuiltShot:
         """Returns the shot with other inputs of some materials: the truth that strokes are painted from."""
         merged = {m: {**inputs, **changes.get(m, {})} for m, inputs in self.materials.items()}
         return replace(self, materials=merged)
