@@ -271,7 +271,8 @@ def _try(target: _Target, solution: Solution, instead: dict[str, Instead]) -> _T
     if not asked:
         return _Try(edits, [], said, instead)
     under = scene_under(shot.source, target.path, shot.frame, shot.refine, shot.ocio)
-    return _Try(edits, why_missing(asked, shot.scene, under), said, instead)
+    scene = shot.scene
+    return _Try(edits, tell_during(lambda: why_missing(asked, scene, under)), said, instead)
 
 
 def _hidden_by_hand(scene: Scene, found: _Try) -> set[str]:

@@ -328,8 +328,10 @@ class Shot:
             stage, self.frame, self.device, self.ocio, self.made is not None, elements=self.element_count,
             bounces=self.bounces, refine=self.refine, model=self.model, missing_dome=self.missing_dome,
         )  # fmt: skip
-        if is_same_but_for_reflectance(self.scene, other.scene):
-            elements = refresh_reflectance(self.elements, self.scene, other.scene)
+        before, after = self.scene, other.scene
+        if tell_during(lambda: is_same_but_for_reflectance(before, after)):
+            own = self.elements
+            elements = tell_during(lambda: refresh_reflectance(own, before, after))
             other._take(
                 elements=elements, lookup=self.lookup, visibility=self.visibility, fixed_light=self.fixed_light,
                 lights=self.lights,
