@@ -20,9 +20,8 @@ def info(settings: Settings, stage: str, shot: Reading, as_json: bool) -> None:
     from usdslf.usd.review.validate import lines_of_findings, validate
 
     with progress(settings.quiet) as say:
-        session = shot.open(settings, stage, say)
-        scene = session.scene
-    findings = validate(session.stage, settings.ocio, scene)
+        opened, scene = shot.read(settings, stage, say)
+    findings = validate(opened, settings.ocio, scene)
     found = describe(scene) | {"findings": [vars(f) for f in findings]}
     if as_json:
         print_json(found)
