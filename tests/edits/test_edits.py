@@ -275,6 +275,18 @@ def test_transparent_surfaces_give_back_their_opacity() -> None:
     assert_allclose(edit.after, (0.2, 0.4, 0.2), rtol=1e-6)
 
 
+def test_a_colour_that_a_map_of_opacity_is_seen_through_changes_as_seen() -> None:
+    """Seen is (.4, .2, .1): half of (.8, .4, .2).  To be seen as half of that it halves."""
+    opacity = Texture("/m/t", "t.png", channels="a")
+    material = Material("/m", diffuse_color=constant(0.8, 0.4, 0.2), opacity=opacity)
+    before = Reflectance(np.array((0.4, 0.2, 0.1)), np.full(3, 0.04), 0.5)
+    after = Reflectance(np.array((0.2, 0.1, 0.05)), np.full(3, 0.04), 0.5)
+    (edit,) = material_change_to_input_edits(
+        MaterialChange(material, "material", (), ("diffuse",), before, after)
+    )
+    assert_allclose(edit.after, (0.4, 0.2, 0.1), rtol=1e-6)
+
+
 def test_what_cannot_be_edited_says_why() -> None:
     r = as_reflectance()
     material = Material("/m", why_not_editable="it has no UsdPreviewSurface")

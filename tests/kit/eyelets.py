@@ -33,7 +33,8 @@ def write_eyelets(folder: Path, tiles: int = 1, **options: object) -> Path:
     Args:
         folder: exists.
         tiles: 2: a set of two UDIM tiles over a card of two unit squares of st.
-        options: wrap (repeat), base (a constant in place of the map), scale (4,) of the packed map, ior, clearcoat.
+        options: wrap (repeat), packed_wrap (as wrap), base (a constant in place of the map), scale (4,) of the packed
+            map, ior, clearcoat.
     """
     base, metal, rough = maps()
     packed = np.stack([0 * rough, rough, metal], -1)
@@ -56,7 +57,7 @@ def write_eyelets(folder: Path, tiles: int = 1, **options: object) -> Path:
         node.CreateInput("file", F.Asset).Set(f"./{name}.<UDIM>.exr" if tiles > 1 else f"./{name}.exr")
         node.CreateInput("sourceColorSpace", F.Token).Set("raw")
         for wrap in ("wrapS", "wrapT"):
-            node.CreateInput(wrap, F.Token).Set(str(options.get("wrap", "repeat")))
+            node.CreateInput(wrap, F.Token).Set(str(options.get(f"{name}_wrap", options.get("wrap", "repeat"))))
         node.CreateInput("st", F.Float2).ConnectToSource(reader.CreateOutput("result", F.Float2))
         nodes[name] = node
     if "scale" in options:

@@ -11,7 +11,7 @@ all of them that small parts are not lost in is the mean over the hundredth of t
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -73,12 +73,20 @@ def words_of(values: Mapping[str, Any]) -> str:
     return f"{said} on the worst hundredth of its surface"
 
 
-def parameters_of(s: SurfacePoints) -> dict[str, F64]:
-    """Returns what a material looks like at n places, by name, (n, C): reflectances, and what else may change."""
+def parameters_of(s: SurfacePoints, materials: Sequence[Material]) -> dict[str, F64]:
+    """Returns what n places look like, by name, (n, C): reflectances, and what else may change.
+
+    The diffuse reflectance is that of what is there: what is seen through is in the opacity.
+
+    Args:
+        materials: those of the scene.
+    """
+    is_specular = np.array([m.use_specular_workflow for m in materials], bool)[s.material][:, None]
+    base = s.base_color.astype(np.float64)
     coat = s.clearcoat.astype(np.float64)
     emission = s.emission.astype(np.float64)
     return {
-        "diffuse": s.diffuse.astype(np.float64),
+        "diffuse": np.where(is_specular, base, base * (1 - s.metallic[:, None])),
         "specular": s.f0.astype(np.float64),
         "roughness": s.roughness.astype(np.float64)[:, None],
         "grazing": RAMP * s.f90.astype(np.float64),
@@ -125,7 +133,8 @@ def collateral_of(shot: Scene, shown: Scene, moves: Mapping[str, Mapping[str, Mo
     found = []
     for path, triangles in _changed(shot, shown):
         at = somewhere(shot, triangles)
-        before, after = (parameters_of(evaluate_surface(s, *at, normal_maps=False)) for s in (shot, shown))
+        seen = ((evaluate_surface(s, *at, normal_maps=False), s.materials) for s in (shot, shown))
+        before, after = (parameters_of(*each) for each in seen)
         one = summed_up(path, excess_of(before, after, moves.get(path, {})))
         if one.spoilt:
             found.append(one)
@@ -133,11 +142,12 @@ def collateral_of(shot: Scene, shown: Scene, moves: Mapping[str, Mapping[str, Mo
 
 
 def somewhere(scene: Scene, triangles: NDArray, count: int = PLACES) -> tuple[NDArray, NDArray]:
-    """Returns random places on triangles, by area: triangles (count,) and barycentrics (count, 2); always the same."""
+    """Returns random places on triangles, by area: triangles (count,), barycentrics (count, 2); always the same."""
+    count = count if len(triangles) else 0
     rng = np.random.default_rng(0)
     area = scene.triangles.areas[triangles]
     share = area / area.sum() if area.sum() > 0 else None
-    which = rng.choice(triangles, count, p=share).astype(np.int32)
+    which = rng.choice(triangles, count, p=share).astype(np.int32) if count else np.zeros(0, np.int32)
     root, along = np.sqrt(rng.random(count)), rng.random(count)
     return which, np.stack([root * (1 - along), root * along], 1).astype(np.float32)
 

@@ -115,7 +115,8 @@ def moves_of(change: MaterialChange) -> dict[str, Move]:
     found = {}
     for name in change.freed:
         before, after = (np.atleast_1d(getattr(r, _OF_REFLECTANCE[name])) for r in (change.before, change.after))
-        found[NAMES[name]] = Move.of(before, np.clip(after, 0, 1), change.map == "multiply")
+        through = inputs_before(change)[1] if name == "diffuse" else 1.0
+        found[NAMES[name]] = Move.of(before / through, np.clip(after / through, 0, 1), change.map == "multiply")
     return found | dict(change.moves)
 
 
@@ -293,7 +294,7 @@ def inputs_before(change: MaterialChange) -> tuple[SurfaceInputs, float]:
     opacity = 1.0
     if m.opacity_threshold == 0 and m.opacity_mode == "transparent":
         mean = _mean(change, "opacity", m.opacity)
-        opacity = float(mean[0]) if mean is not None and mean[0] > 0 else 1.0
+        opacity = float(mean[0]) if mean is not None and mean[0] > 0 else _opacity_of(m, seen.diffuse)
     d = np.clip(seen.diffuse / opacity, 0, 1)
     color = _mean(change, "diffuseColor", m.diffuse_color)
     if m.use_specular_workflow:
@@ -312,6 +313,14 @@ def inputs_before(change: MaterialChange) -> tuple[SurfaceInputs, float]:
         candidates = [inputs(m_) for m_ in np.linspace(0, 1, 1001)]
         return min(candidates, key=lambda c: error_of(c, d, seen.f0)), opacity
     return inputs(float(metallic[0])), opacity
+
+
+def _opacity_of(m: Material, seen: F64) -> float:
+    """The opacity that a constant colour was seen through, where a map says it; 1 where the colour is not known."""
+    if not isinstance(m.diffuse_color, np.ndarray) or not isinstance(m.metallic, np.ndarray):
+        return 1.0
+    own = np.asarray(m.diffuse_color, np.float64) * (1.0 if m.use_specular_workflow else 1 - float(m.metallic[0]))
+    return float(np.clip(own @ seen / max(float(own @ own), 1e-12), 0.01, 1)) if own.any() else 1.0
 
 
 def _edit(

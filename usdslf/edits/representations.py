@@ -63,7 +63,7 @@ def least_collateral(
     if m.why_not_editable or {*change.baked, *change.by_vertex} - {"roughness"} or not driven:
         return change  # what constants say, they say at every place
     x, moves = _seen(scene, material, change), moves_of(change)
-    before = parameters_of(x)
+    before = parameters_of(x, scene.materials)
     found: list[tuple[float, _Way]] = []
     refused: AuthorError | None = None
     for way in _ways(change):
@@ -188,10 +188,9 @@ def _foreseen(change: MaterialChange, way: _Way, x: SurfacePoints) -> dict[str, 
     base, specular = np.maximum(inputs["diffuseColor"], 0), np.clip(inputs["specularColor"], 0, 1)
     metallic, ior = np.clip(inputs["metallic"][:, 0], 0, 1), np.maximum(inputs["ior"][:, 0], 1e-3)
     d, f0, f90, r2 = reflectance_at(np.full(len(ior), is_specular), base, specular, metallic, ior)
-    solid = np.where(x.presence > 0, x.opacity / np.maximum(x.presence, 1e-20), 1)[:, None]
     coat = x.clearcoat.astype(np.float64)
     found = {
-        "diffuse": d * solid, "specular": f0, "grazing": RAMP * f90 * np.ones_like(f0),
+        "diffuse": d, "specular": f0, "grazing": RAMP * f90 * np.ones_like(f0),
         "coat": np.stack([coat * r2, coat * x.clearcoat_roughness], 1),
     }  # fmt: skip
     if way.make is None:
