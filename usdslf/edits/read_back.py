@@ -19,7 +19,7 @@ from usdslf.edits.edits import Reflectance
 from usdslf.scene.records import Scene
 from usdslf.surfaces.surface_points import evaluate_surface
 
-ARRIVED = 0.5  # share of a change that has to be seen: means through textures, and what is cut off at 0 and 1, differ
+ARRIVED = 0.5  # share of a change that has to be seen in each channel: means through textures, and what is cut off at 0 and 1, differ
 NOTICED = 0.01  # of a reflectance or roughness: smaller changes are not looked for
 _FIELDS = {"diffuse": "diffuse", "specular": "f0", "glossiness": "roughness"}
 
@@ -62,7 +62,8 @@ def why_missing(asked: Iterable[Asked], before: Scene, shown: Scene) -> list[Mis
             field = _FIELDS[name]
             wanted = np.clip(_of(each.after, field), 0, 1) - np.clip(_of(each.before, field), 0, 1)
             got = np.mean(getattr(new, field), axis=0) - np.mean(getattr(old, field), axis=0)
-            if np.abs(wanted).max() > NOTICED and np.sum(got * wanted) < ARRIVED * np.sum(wanted**2):
+            most = np.abs(wanted).max()
+            if most > NOTICED and np.abs(got - wanted).max() > (1 - ARRIVED) * most:
                 sentence = (
                     f"the change of {name} of {each.material} cannot be written so that the shot shows it at what was "
                     f"painted: wanted is {_words(wanted)}, the look gives {_words(got)}"

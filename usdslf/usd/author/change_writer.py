@@ -37,6 +37,8 @@ from usdslf.usd.layer.network import (
 )
 from usdslf.usd.layer.primvar_places import primvar_places
 from usdslf.usd.layer.wins import AuthoredEdit
+from usdslf.usd.read.input_values import holds
+from usdslf.usd.read.primvars import as_components
 
 if TYPE_CHECKING:
     from usdslf.edits.baked_texture import Baked
@@ -68,22 +70,26 @@ class ChangeWriter(MaterialWriter):
         """Writes one value, where the input takes its value from if that is one."""
         attribute, path, others = input_place(self.shader, edit.input)
         own = self.shader.GetPath().AppendProperty(f"inputs:{edit.input}")
-        is_computed = False
         is_cut = path != own and (self.is_constant or self._is_foreign(path.GetPrimPath()))
-        if attribute is not None and UsdShade.Output.IsOutput(attribute) and self.is_constant:
-            self.said.append(f"{own} is cut off from {attribute.GetPath()} and becomes a constant.")
-            attribute, path, is_cut, is_computed = self.look.stage.GetAttributeAtPath(own), own, True, True
-        if attribute is not None and UsdShade.Output.IsOutput(attribute):
-            why = f"{attribute.GetPath()} drives it, which usdslf cannot change"
+        computed = attribute if attribute is not None and UsdShade.Output.IsOutput(attribute) else None
+        if computed is not None and self.is_constant:
+            self.said.append(f"{own} is cut off from {computed.GetPath()} and becomes a constant.")
+            attribute, path, is_cut = self.look.stage.GetAttributeAtPath(own), own, True
+        elif computed is not None:
+            why = f"{computed.GetPath()} drives it, which usdslf cannot change"
             self.said.append(f"{path} stays as it is: {why}.")
             at = str(path.GetPrimPath())
             mend = f"connect {path} to a UsdUVTexture or a UsdPrimvarReader, or to nothing"
             return [AuthoredEdit(at, path.name, edit.before, edit.after, "constant", False, why, str(path), mend)]
+        elif path == own and attribute is not None and attribute.GetConnections():
+            self.said.append(f"{own} is cut off from {attribute.GetConnections()[0]}, which leads nowhere.")
+            is_cut = True
         if others and not is_cut:
             self.said.append(f"{path} also drives {', '.join(others)}, which change with it.")
         kind = attribute.GetTypeName() if attribute is not None else NEW_TYPES[edit.input]
+        kind = kind if holds(kind, int(np.size(edit.after))) else NEW_TYPES[edit.input]
         after = as_attribute(edit.after, kind, attribute, self.color)
-        before = attribute.Get(self.look.time) if attribute is not None and not is_computed else None
+        before = attribute.Get(self.look.time) if attribute is not None and computed is None else None
         before = as_attribute(edit.before, kind, None, None) if before is None else before
         written = self._put(own if is_cut else path, kind, before, after, "constant")
         if written and is_cut:  # others show what it takes its value from
@@ -283,11 +289,13 @@ class ChangeWriter(MaterialWriter):
             primvar = place.primvar
             if self.is_animated(primvar.GetAttr()):
                 self.said.append(f"{primvar.GetAttr().GetPath()} is animated; what the look shows of it is constant.")
-            values = np.asarray(place.values)
-            mapped = values * np.array(edit.scale) + np.array(edit.bias)
+            size = len(edit.scale)
+            mapped = as_components(place.values, size) * np.array(edit.scale) + np.array(edit.bias)
             over = look.over(place.prim.GetPath(), f"primvars:{name}")
-            kept = type(place.values).FromNumpy(mapped.astype(values.dtype))
-            spec = look.put(over, f"primvars:{name}", primvar.GetTypeName(), kept)
+            array = Vt.Vec3fArray if size == 3 else Vt.FloatArray
+            kept = array.FromNumpy(np.ascontiguousarray(mapped if size == 3 else mapped[:, 0], np.float32))
+            own_type = Names.Color3fArray if size == 3 else Names.FloatArray
+            spec = look.put(over, f"primvars:{name}", own_type, kept)
             spec.SetInfo("interpolation", primvar.GetInterpolation())
             if indices := primvar.GetIndices(look.time):
                 look.put(over, f"primvars:{name}:indices", Sdf.ValueTypeNames.IntArray, indices)

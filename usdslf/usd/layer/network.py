@@ -17,6 +17,7 @@ from pxr import Gf, Sdf, Usd, UsdShade
 
 from usdslf.edits.edits import InputEdit
 from usdslf.errors import AuthorError
+from usdslf.usd.read.input_values import floats, holds
 
 if TYPE_CHECKING:
     from usdslf.color import Color
@@ -106,10 +107,9 @@ def map_texture(shader: UsdShade.Shader, edit: InputEdit, copied: Sdf.Path, time
     values = {}
     for name, fallback in (("scale", (1.0,) * 4), ("bias", (0.0,) * 4)):
         attribute, path, _ = input_place(texture, name)
-        value = attribute.Get(time) if attribute is not None and not UsdShade.Output.IsOutput(attribute) else None
         if not copied.isEmpty:
             path = copied.AppendProperty(f"inputs:{name}")
-        values[name] = (path, Gf.Vec4f(*(fallback if value is None else value)))
+        values[name] = (path, _four(attribute, time, fallback))
     # (texel * scale + bias) * s + b
     scale, bias = Gf.Vec4f(values["scale"][1]), Gf.Vec4f(values["bias"][1])
     for channel, s, b in zip(channels, edit.scale, edit.bias):
@@ -121,12 +121,18 @@ def map_fallback(shader: UsdShade.Shader, edit: InputEdit, copied: Sdf.Path, tim
     """Returns the opinion on the fallback of the UsdUVTexture that drives an input, or of its copy."""
     texture = UsdShade.Shader(driving_prim(shader, edit.input))
     attribute, path, _ = input_place(texture, "fallback")
-    value = attribute.Get(time) if attribute is not None and not UsdShade.Output.IsOutput(attribute) else None
-    before = Gf.Vec4f(0, 0, 0, 1) if value is None else Gf.Vec4f(value)
+    before = _four(attribute, time, (0.0, 0.0, 0.0, 1.0))
     after = Gf.Vec4f(before)
     for channel, wanted in zip(edit.channels, np.ravel(edit.after)):
         after[_CHANNELS.index(channel)] = float(wanted)
     return (path if copied.isEmpty else copied.AppendProperty("inputs:fallback")), before, after
+
+
+def _four(attribute: Usd.Attribute | None, time: Usd.TimeCode, fallback: tuple[float, ...]) -> Gf.Vec4f:
+    """The four numbers of an attribute, or the fallback."""
+    is_value = attribute is not None and not UsdShade.Output.IsOutput(attribute)
+    value = floats(attribute.Get(time)) if is_value and attribute is not None else None
+    return Gf.Vec4f(*(value if value and len(value) == 4 else fallback))
 
 
 def path_of_copy(stage: Usd.Stage, shader: UsdShade.Shader, edit: InputEdit, is_foreign: bool = False) -> Sdf.Path:
@@ -178,10 +184,11 @@ def map_primvar(
     size = len(edit.scale)
     default = Sdf.ValueTypeNames.Float3 if size == 3 else Sdf.ValueTypeNames.Float
     kind = attribute.GetTypeName() if attribute is not None else default
-    before = attribute.Get(time) if attribute is not None else None
-    if before is None:
-        before = as_attribute((0.0,) * size if size > 1 else 0.0, kind)
-    mapped = np.ravel(np.asarray(before, np.float64)) * edit.scale + edit.bias
+    kind = kind if holds(kind, size) else default
+    given = floats(attribute.Get(time)) if attribute is not None else None
+    given = (given if len(given) >= size else given[:1] * size)[:size] if given else (0.0,) * size
+    before = as_attribute(given if size > 1 else given[0], kind)
+    mapped = np.asarray(given) * edit.scale + edit.bias
     after = as_attribute(tuple(mapped) if size > 1 else float(mapped[0]), kind)
     return varname, (path, kind, before, after)
 

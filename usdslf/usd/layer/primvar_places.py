@@ -71,7 +71,8 @@ def _showing(instancers: list[tuple[Usd.Prim, list[Sdf.Path]]], gprim: Usd.Prim)
 def _fits(primvar: UsdGeom.Primvar, sizes: dict[str, int], time: Usd.TimeCode) -> bool:
     """Whether the reader takes the values of a primvar."""
     read = read_primvars([primvar], time, sizes, Notes())
-    return bool(read.constant or read.varying)
+    values = [*read.constant.values(), *(v.flat[0] for v in read.varying.values() if len(v.flat))]
+    return any(len(v) != 2 for v in values)  # two numbers are texture coordinates, and no colour
 
 
 def _sizes(prim: Usd.Prim, time: Usd.TimeCode) -> dict[str, int]:

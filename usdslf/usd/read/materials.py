@@ -24,6 +24,7 @@ from usdslf.textures.texels import WRAPS
 from usdslf.threads import map_ahead
 from usdslf.usd.binding import bound_material, named_material, preview_surface, render_contexts
 from usdslf.usd.notes import Notes
+from usdslf.usd.read.input_values import floats
 
 # field of Material: (input of the shader, fallback)
 _COLORS: dict[str, tuple[str, tuple[float, float, float]]] = {
@@ -175,8 +176,8 @@ class MaterialTable:
         return Material(
             path=str(bound.GetPath()),
             shader=str(shader.GetPath()),
-            use_specular_workflow=bool(read.plain("useSpecularWorkflow", 0)),
-            opacity_threshold=float(read.plain("opacityThreshold", 0.0)),
+            use_specular_workflow=bool(read.numbers("useSpecularWorkflow", (0.0,))[0]),
+            opacity_threshold=read.numbers("opacityThreshold", (0.0,))[0],
             opacity_mode=str(read.plain("opacityMode", "transparent")),
             **values,
         )
@@ -225,13 +226,7 @@ class _Network:
         value = attribute.Get(self.time)
         if value is None:
             return constant(*fallback)
-        try:
-            values = tuple(float(x) for x in np.ravel(np.asarray(value)))
-        except (TypeError, ValueError):  # of a type that USD does not know, or text
-            values = ()
-        if len(values) != len(fallback) or not np.isfinite(values).all():
-            self.notes.add(f"{name} of {{}} has no usable value: its fallback is used", self.shader.GetPath())
-            return constant(*fallback)
+        values = self._usable(name, value, fallback)
         is_color = len(values) == 3 and name != "normal"
         return _constant(values, self.color, color_space_of(attribute)) if is_color else constant(*values)
 
@@ -242,6 +237,17 @@ class _Network:
             return fallback
         value = attribute.Get(self.time)
         return fallback if value is None else value
+
+    def numbers(self, name: str, fallback: tuple[float, ...]) -> tuple[float, ...]:
+        """Returns an input that only makes sense as constant numbers, as many as the fallback has."""
+        return self._usable(name, self.plain(name, fallback), fallback)
+
+    def _usable(self, name: str, value: Any, fallback: tuple[float, ...]) -> tuple[float, ...]:
+        found = floats(value)
+        if found is None or len(found) != len(fallback):
+            self.notes.add(f"{name} of {{}} has no usable value: its fallback is used", self.shader.GetPath())
+            return fallback
+        return found
 
     def attribute(self, name: str) -> Usd.Attribute | None:
         """Returns the attribute that holds the value of an input."""
@@ -270,9 +276,8 @@ class _Network:
                 channels = "r"
             return source.texture(channels)
         if kind.startswith("UsdPrimvarReader_"):
-            given = source.plain("fallback", None)
-            values = fallback if given is None else tuple(float(x) for x in np.ravel(np.asarray(given)))
-            return PrimvarInput(str(source.plain("varname", "") or ""), values)
+            given = floats(source.plain("fallback", None))
+            return PrimvarInput(str(source.plain("varname", "") or ""), given or (0.0,) * len(fallback))
         reason = f"{{}} ({kind or 'no id'}) cannot be read: {name} has its fallback"
         self.notes.add(reason, output.GetPrim().GetPath())
         return constant(*fallback)
@@ -298,9 +303,9 @@ class _Network:
             color_space=color_space,
             wrap_s=wraps[0] if wraps[0] in WRAPS else "black",
             wrap_t=wraps[1] if wraps[1] in WRAPS else "black",
-            scale=_four(self.plain("scale", (1.0, 1.0, 1.0, 1.0))),
-            bias=_four(self.plain("bias", (0.0, 0.0, 0.0, 0.0))),
-            fallback=_four(self.plain("fallback", (0.0, 0.0, 0.0, 1.0))),
+            scale=_four(self.numbers("scale", (1.0, 1.0, 1.0, 1.0))),
+            bias=_four(self.numbers("bias", (0.0, 0.0, 0.0, 0.0))),
+            fallback=_four(self.numbers("fallback", (0.0, 0.0, 0.0, 1.0))),
             channels=channels,
             uv_set=uv_set,
             st_from_uv=st_from_uv,
@@ -342,8 +347,8 @@ class _Network:
             if attribute is None:
                 break
             if not UsdShade.Output.IsOutput(attribute):
-                value = attribute.Get(self.time)
-                if value is not None:  # the same coordinates everywhere
+                value = floats(attribute.Get(self.time))
+                if value and len(value) > 1:  # the same coordinates everywhere
                     matrix = matrix @ np.array([[0, 0, value[0]], [0, 0, value[1]], [0, 0, 1.0]])
                 break
             node = self._other(attribute.GetPrim())
@@ -352,8 +357,8 @@ class _Network:
                 matrix, name = matrix @ node.transform_2d(), "in"
                 continue
             if kind.startswith("UsdPrimvarReader_"):
-                st = node.plain("fallback", (0.0, 0.0))
-                fallback = (float(st[0]), float(st[1])) if np.size(st) >= 2 else (0.0, 0.0)
+                st = floats(node.plain("fallback", None)) or ()
+                fallback = (st[0], st[1]) if len(st) > 1 else (0.0, 0.0)
                 return str(node.plain("varname", "") or "st"), _affine(matrix), fallback
             reason = f"{{}} ({kind or 'no id'}) cannot give texture coordinates: st is used"
             self.notes.add(reason, node.shader.GetPath())
@@ -362,9 +367,9 @@ class _Network:
 
     def transform_2d(self) -> np.ndarray:
         """Returns the matrix (3, 3) of a UsdTransform2d: scale, then rotation (degrees), then translation."""
-        angle = math.radians(float(self.plain("rotation", 0.0)))
-        sx, sy = (float(x) for x in self.plain("scale", (1.0, 1.0)))
-        tx, ty = (float(x) for x in self.plain("translation", (0.0, 0.0)))
+        angle = math.radians(self.numbers("rotation", (0.0,))[0])
+        sx, sy = self.numbers("scale", (1.0, 1.0))
+        tx, ty = self.numbers("translation", (0.0, 0.0))
         c, s = math.cos(angle), math.sin(angle)
         return np.array([[c * sx, -s * sy, tx], [s * sx, c * sy, ty], [0.0, 0.0, 1.0]])
 
@@ -391,8 +396,8 @@ def is_from_instancer(gprim: Usd.Prim, name: str) -> bool:
     return True
 
 
-def _four(value: Any) -> tuple[float, float, float, float]:
-    a, b, c, d = (float(x) for x in value)
+def _four(value: tuple[float, ...]) -> tuple[float, float, float, float]:
+    a, b, c, d = value
     return a, b, c, d
 
 

@@ -51,6 +51,8 @@ def read_primvars(
             notes.add("the primvar {} has a count or indices that do not fit its mesh; left out", prim)
         elif interpolation == "constant":
             out.constant[name] = read.flat[0]
+            if len(read.flat) > 1:
+                notes.add("the primvar {} is constant and has several values: the first is used", prim)
         else:
             out.varying[name] = read
     return out
@@ -84,7 +86,7 @@ def numbers(value: Any) -> F64 | None:
     if value is None:
         return None
     array = np.asarray(value)
-    if array.dtype.kind != "f" or array.ndim > 2:
+    if array.dtype.kind != "f" or array.ndim > 2 or type(value).__name__.startswith("Matrix"):
         return None
     if not hasattr(value, "__len__"):
         array = array.reshape(1, 1)
@@ -92,6 +94,13 @@ def numbers(value: Any) -> F64 | None:
         # A single vector, or an array of floats.
         array = array[None] if type(value).__name__.startswith("Vec") else array[:, None]
     return array.astype(np.float64)
+
+
+def as_components(value: Any, size: int) -> F64:
+    """A USD value of numbers as (n, size): a number is grey, of more components the first ones are taken."""
+    values = numbers(value)
+    assert values is not None, value
+    return np.repeat(values, size, axis=1) if values.shape[1] == 1 else values[:, :size]
 
 
 def _checked(values: F64, indices: Any, interpolation: str, sizes: dict[str, int]) -> Values | None:
