@@ -82,3 +82,31 @@ def test_each_choice_of_a_stroke_is_explained(run: Callable, option: str) -> Non
     words = " ".join(run("stroke", "--help")[1].split())
     said = words.split(f" {option} [", 1)[1].split(" --")[0]  # choices, what they do, the default
     assert len(said.split("]", 1)[1]) > 40, said
+
+
+@pytest.mark.parametrize(
+    ("light", "says"),
+    [
+        ('RectLight "x" { float inputs:width = nan', "inputs:width of light /World/x has no usable value: 1 is taken"),
+        ('RectLight "x" { float inputs:width = 0', "light /World/x has no area, and gives no light"),
+        ('SphereLight "x" { float inputs:radius = -1', "light /World/x has no area, and gives no light"),
+        ('SphereLight "x" { float inputs:radius = 0\nbool treatAsPoint = 1', ""),
+        ('DistantLight "x" { string inputs:intensity = "x"', "inputs:intensity of light /World/x has no usable value"),
+        ('DistantLight "x" { color3f inputs:color = (1, nan, 1)', "inputs:color of light /World/x has no usable value"),
+        ('DistantLight "x" { float inputs:exposure = 500', "inputs:exposure of light /World/x is more than 64 stops"),
+        ('SphereLight "x" { float inputs:shaping:cone:angle = nan', "inputs:shaping:cone:angle of light /World/x"),
+        ('DomeLight "x" { token inputs:texture:format = "cube"\nasset inputs:texture:file = @./t.png@',
+         "texture:format cube of light /World/x is not known: latlong is taken"),
+        ('Cylinder "x" { token axis = "Q"', "the axis Q of the Cylinder /World/x is none: Z is taken"),
+        ('Mesh "x" { int[] faceVertexCounts = [3]\nint[] faceVertexIndices = [0, 1, 2]\n'
+         "float2[] points = [(0, 0), (1, 0), (0, 1)]", "the mesh /World/x has no points"),
+    ],
+)  # fmt: skip
+def test_numbers_that_are_none(tmp_path: Path, inputs: Path, light: str, says: str) -> None:
+    text = (inputs / "weak/camera_exposure.usda").read_text()
+    write_image(tmp_path / "t.png", np.full((2, 4, 3), 0.5))
+    (tmp_path / "s.usda").write_text(text.replace("def DomeLight", f"def {light}\n}}\ndef DomeLight", 1))
+    scene = read_scene(tmp_path / "s.usda")
+    said = [w for w in scene.warnings if "/World/x" in w and "no material is bound" not in w]
+    assert bool(said) == bool(says) and all(says in w for w in said), said
+    assert all(np.isfinite(light.radiance).all() for light in scene.lights)

@@ -19,7 +19,8 @@ from usdslf.edits.edits import Reflectance
 from usdslf.scene.records import Scene
 from usdslf.surfaces.surface_points import evaluate_surface
 
-ARRIVED = 0.5  # share of a change that has to be seen in each channel: means through textures, and what is cut off at 0 and 1, differ
+# Share of a change that has to be seen in each channel: means through textures, and what is cut off at 0 and 1, differ.
+ARRIVED = 0.5
 NOTICED = 0.01  # of a reflectance or roughness: smaller changes are not looked for
 _FIELDS = {"diffuse": "diffuse", "specular": "f0", "glossiness": "roughness"}
 

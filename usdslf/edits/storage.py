@@ -100,6 +100,8 @@ def storage_of(scene: Scene, material: int, targets: Sequence[str], varying: Var
         return Storage(material, why_not=f"a primvar drives its {name}")
     uv_set = value.uv_set if isinstance(value, Texture) else next(iter(common_sets(scene, triangles)), "")
     texture = value if isinstance(value, Texture) else None
+    if texture and len(texture.channels) == 1 and name in ("diffuseColor", "specularColor"):
+        return Storage(material, why_not=f"one channel of {texture.prim} drives all of its {name}")
     if texture and (why := _why_not_baked(texture)):
         return Storage(material, why_not=why)
     if uv_set and (varying.is_even or lies_flat(scene, triangles, uv_set, texture)):

@@ -40,6 +40,9 @@ def read_implicit(prim: Usd.Prim, time: Usd.TimeCode, notes: Notes) -> Polygons 
     if kind == "Cube":
         return tessellate.cube(values[0])
     axis = str(get("axis") or UsdGeom.Tokens.z)
+    if axis not in ("X", "Y", "Z"):
+        notes.add(f"the axis {axis} of the {kind} {{}} is none: Z is taken", prim.GetPath())
+        axis = "Z"
     if kind == "Plane":
         # Width lies along X (along Z where the axis is X), length along Y (along Z where the axis is Y).
         width, length = values

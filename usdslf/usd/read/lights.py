@@ -20,6 +20,7 @@ from usdslf.color import USD_DEFAULT_SPACE, Color
 from usdslf.scene.records import F64, Light, LightTexture
 from usdslf.textures import images
 from usdslf.usd.notes import Notes
+from usdslf.usd.read.input_values import floats
 from usdslf.usd.read.materials import color_space_of
 from usdslf.usd.read.origin import HERE, Origin, moved_to
 
@@ -32,6 +33,10 @@ KINDS = {
     "DomeLight": "dome",
     "DomeLight_1": "dome",
 }
+# Sizes that the area of a light is made of.
+_SIZES = {"rect": ("width", "height"), "disk": ("radius",), "sphere": ("radius",), "cylinder": ("radius", "length")}
+FORMATS = ("automatic", "latlong", "mirroredBall", "angular", "cubeMapVerticalCross")  # of a dome's texture
+MOST_STOPS = 64.0  # of exposure: more is no number in single precision any more
 _OLD_NAMES = "since USD 21.02 the inputs of lights begin with inputs:"
 # Turns code that knows a +Y pole with longitude 0 at +Z to a +Z pole with longitude 0 at -Y.
 _Z_POLE = np.array([[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]])
@@ -70,40 +75,69 @@ def _is_shown(prim: Usd.Prim, time: Usd.TimeCode) -> bool:
     return not hidden and purpose not in (UsdGeom.Tokens.guide, UsdGeom.Tokens.proxy)
 
 
-def _read_light(prim: Usd.Prim, world: F64, time: Usd.TimeCode, color: Color, notes: Notes) -> Light:
-    kind = KINDS[prim.GetTypeName()]
+class _Inputs:
+    """What is authored on a light, whatever it holds in place of a number."""
 
-    def get(name: str, fallback: Any) -> Any:
-        attribute = prim.GetAttribute(name)
-        value = attribute.Get(time) if attribute else None
+    def __init__(self, prim: Usd.Prim, time: Usd.TimeCode, notes: Notes) -> None:
+        self.prim, self.time, self.notes = prim, time, notes
+
+    def get(self, name: str, fallback: Any) -> Any:
+        attribute = self.prim.GetAttribute(name)
+        value = attribute.Get(self.time) if attribute else None
         return fallback if value is None else value
 
+    def numbers(self, name: str, *fallback: float) -> tuple[float, ...]:
+        found = floats(self.get(name, fallback))
+        if found is None or len(found) != len(fallback):
+            words = ", ".join(f"{v:g}" for v in fallback)
+            self.notes.add(f"{name} of light {{}} has no usable value: {words} is taken", self.prim.GetPath())
+            return fallback
+        return found
+
+    def number(self, name: str, fallback: float) -> float:
+        return self.numbers(name, fallback)[0]
+
+    def stops(self) -> float:
+        stops = self.number("inputs:exposure", 0.0)
+        if stops > MOST_STOPS:
+            say = f"inputs:exposure of light {{}} is more than {MOST_STOPS:g} stops, which are taken"
+            self.notes.add(say, self.prim.GetPath())
+        return min(stops, MOST_STOPS)
+
+
+def _read_light(prim: Usd.Prim, world: F64, time: Usd.TimeCode, color: Color, notes: Notes) -> Light:
+    kind = KINDS[prim.GetTypeName()]
+    read = _Inputs(prim, time, notes)
+    get, number, numbers = read.get, read.number, read.numbers
     size = {
-        "width": float(get("inputs:width", 1.0)),
-        "height": float(get("inputs:height", 1.0)),
-        "radius": float(get("inputs:radius", 0.5)),
-        "length": float(get("inputs:length", 1.0)),
-        "angle": math.radians(min(max(float(get("inputs:angle", 0.0)), 0.0), 360.0)),
+        "width": number("inputs:width", 1.0),
+        "height": number("inputs:height", 1.0),
+        "radius": number("inputs:radius", 0.5),
+        "length": number("inputs:length", 1.0),
+        "angle": math.radians(min(max(number("inputs:angle", 0.0), 0.0), 360.0)),
     }
-    level = float(get("inputs:intensity", 1.0)) * 2.0 ** float(get("inputs:exposure", 0.0))
+    is_point = bool(get("treatAsPoint", False)) and kind == "sphere"
+    if not is_point and min((size[n] for n in _SIZES.get(kind, ())), default=1.0) <= 0:
+        notes.add("light {} has no area, and gives no light: its size is not a positive number", prim.GetPath())
+    level = number("inputs:intensity", 1.0) * 2.0 ** read.stops()
     if get("inputs:normalize", False):
         factor = size_factor(kind, world, **size)
         if factor > 0:
             level /= factor
         else:
             notes.add("normalize of light {} has no effect: it has no area", prim.GetPath())
-    rgb = np.asarray(get("inputs:color", (1.0, 1.0, 1.0)), np.float64)
+    rgb = np.asarray(numbers("inputs:color", 1.0, 1.0, 1.0), np.float64)
     attribute = prim.GetAttribute("inputs:color")
     space = color_space_of(attribute) if attribute else USD_DEFAULT_SPACE
     rgb = color.to_working(rgb[None], space)[0].astype(np.float64)
     if get("inputs:enableColorTemperature", False):
-        black = UsdLux.BlackbodyTemperatureAsRgb(float(get("inputs:colorTemperature", 6500.0)))
+        black = UsdLux.BlackbodyTemperatureAsRgb(number("inputs:colorTemperature", 6500.0))
         rgb = rgb * color.to_working(np.asarray(black)[None], USD_DEFAULT_SPACE)[0]
     if prim.GetTypeName() == "DomeLight_1":
         pole = get("poleAxis", "scene")
         if pole == "Z" or (pole == "scene" and UsdGeom.GetStageUpAxis(prim.GetStage()) == "Z"):
             world = world @ _Z_POLE
-    tint = get("inputs:shaping:focusTint", (0.0, 0.0, 0.0))
+    tint = numbers("inputs:shaping:focusTint", 0.0, 0.0, 0.0)
     _note_unsupported(prim, kind, time, notes)
     texture = _texture(prim, kind, time, color, notes)
     r, g, b = (float(x) for x in level * rgb)
@@ -112,15 +146,15 @@ def _read_light(prim: Usd.Prim, world: F64, time: Usd.TimeCode, color: Color, no
         kind=kind,
         radiance=(r, g, b),
         world_from_light=world,
-        treat_as_point=bool(get("treatAsPoint", False)) and kind == "sphere",
-        diffuse=float(get("inputs:diffuse", 1.0)),
-        specular=float(get("inputs:specular", 1.0)),
+        treat_as_point=is_point,
+        diffuse=number("inputs:diffuse", 1.0),
+        specular=number("inputs:specular", 1.0),
         texture=texture,
         unread=notes.missing.get(str(prim.GetPath()), ("", ""))[0],
-        cone_angle=float(get("inputs:shaping:cone:angle", 90.0)),
-        cone_softness=float(get("inputs:shaping:cone:softness", 0.0)),
-        focus=float(get("inputs:shaping:focus", 0.0)),
-        focus_tint=(float(tint[0]), float(tint[1]), float(tint[2])),
+        cone_angle=number("inputs:shaping:cone:angle", 90.0),
+        cone_softness=number("inputs:shaping:cone:softness", 0.0),
+        focus=number("inputs:shaping:focus", 0.0),
+        focus_tint=(tint[0], tint[1], tint[2]),
         **size,
     )
 
@@ -179,6 +213,9 @@ def _texture(prim: Usd.Prim, kind: str, time: Usd.TimeCode, color: Color, notes:
         notes.add(f"texture {asset.path} of light {{}}: {words}", prim.GetPath())
     format = prim.GetAttribute("inputs:texture:format")
     shape = str((format.Get(time) if format else None) or "automatic")
+    if shape not in FORMATS:
+        notes.add(f"texture:format {shape} of light {{}} is not known: latlong is taken", prim.GetPath())
+        shape = "latlong"
     return LightTexture(path, shape, space, color.config, color.working_space)
 
 

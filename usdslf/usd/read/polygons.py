@@ -80,7 +80,7 @@ def _topology(
     points = numbers(mesh.GetPointsAttr().Get(time)) if posed is None else posed.points
     counts = _integers(mesh.GetFaceVertexCountsAttr().Get(time))
     indices = _integers(mesh.GetFaceVertexIndicesAttr().Get(time))
-    if points is None or not len(points) or not len(counts):
+    if points is None or points.shape[1:] != (3,) or not len(points) or not len(counts):
         notes.add("the mesh {} has no points or no faces at this frame; left out", path)
         return None
     if (counts < 0).any() or counts.sum() != len(indices):
