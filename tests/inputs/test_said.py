@@ -85,6 +85,26 @@ def test_each_choice_of_a_stroke_is_explained(run: Callable, option: str) -> Non
 
 
 @pytest.mark.parametrize(
+    ("prototypes", "says"),
+    [
+        ("</World/none>", "names prototypes that are not there"),
+        ("</World/pi>", "instances itself"),
+        ("</World/other>", "instances itself"),
+    ],
+)
+def test_instancers_that_cannot_be(tmp_path: Path, inputs: Path, prototypes: str, says: str) -> None:
+    """In processes of their own USD would end at some of these by a fault of memory."""
+    one = "def PointInstancer \"{}\" {{\nint[] protoIndices = [0]\npoint3f[] positions = [(0, 0, 0)]\n"
+    one += "rel prototypes = {}\n}}\n"
+    made = one.format("pi", prototypes) + one.format("other", "</World/pi>")
+    text = (inputs / "weak/camera_exposure.usda").read_text()
+    (tmp_path / "s.usda").write_text(text.replace("def DomeLight", f"{made}def DomeLight", 1))
+    scene = read_scene(tmp_path / "s.usda")
+    assert any(says in w and "/World/" in w for w in scene.warnings), scene.warnings
+    assert [m.path for m in scene.meshes] == ["/World/card"]
+
+
+@pytest.mark.parametrize(
     ("light", "says"),
     [
         ('RectLight "x" { float inputs:width = nan', "inputs:width of light /World/x has no usable value: 1 is taken"),
