@@ -12,8 +12,7 @@ from typing import Any
 from pxr import Sdf, Usd, UsdGeom
 
 from usdslf.usd.notes import Notes
-from usdslf.usd.read.materials import is_from_instancer
-from usdslf.usd.read.primvars import read_primvars
+from usdslf.usd.read.primvars import is_from_instancer, read_primvars
 
 PER_INSTANCE = ("uniform", "vertex", "varying", "faceVarying")
 

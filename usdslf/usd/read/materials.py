@@ -25,6 +25,7 @@ from usdslf.threads import map_ahead
 from usdslf.usd.binding import bound_material, named_material, preview_surface, render_contexts
 from usdslf.usd.notes import Notes
 from usdslf.usd.read.input_values import floats
+from usdslf.usd.read.primvars import is_from_instancer
 
 # field of Material: (input of the shader, fallback)
 _COLORS: dict[str, tuple[str, tuple[float, float, float]]] = {
@@ -384,16 +385,6 @@ def _constant(values: tuple[float, ...], color: Color, space: str) -> Input:
 def color_space_of(attribute: Usd.Attribute) -> str:
     """Returns the colour space of an authored colour: the attribute's, an ancestor's, else USD's default."""
     return str(Usd.ColorSpaceAPI.ComputeColorSpaceName(attribute, None)) or USD_DEFAULT_SPACE
-
-
-def is_from_instancer(gprim: Usd.Prim, name: str) -> bool:
-    """Whether a gprim of a PointInstancer has no primvar of a name of its own, nor from above within its prototype."""
-    at = gprim
-    while at and not at.IsPseudoRoot() and not at.IsA(UsdGeom.PointInstancer):
-        if UsdGeom.PrimvarsAPI(at).GetPrimvar(name).HasAuthoredValue():
-            return False
-        at = at.GetParent()
-    return True
 
 
 def _four(value: tuple[float, ...]) -> tuple[float, float, float, float]:

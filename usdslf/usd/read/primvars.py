@@ -58,6 +58,16 @@ def read_primvars(
     return out
 
 
+def is_from_instancer(gprim: Usd.Prim, name: str) -> bool:
+    """Whether a gprim of a PointInstancer has no primvar of a name of its own, nor from above within its prototype."""
+    at = gprim
+    while at and not at.IsPseudoRoot() and not at.IsA(UsdGeom.PointInstancer):
+        if UsdGeom.PrimvarsAPI(at).GetPrimvar(name).HasAuthoredValue():
+            return False
+        at = at.GetParent()
+    return True
+
+
 def read_normals(
     mesh: UsdGeom.Mesh, time: Usd.TimeCode, sizes: dict[str, int], notes: Notes
 ) -> Values | None:
