@@ -115,7 +115,8 @@ def _author(
     """Writes a look until all that it shows is worth while."""
     shot, path = target.shot, target.path
     while True:
-        edits, not_shown = _write(target, solution, review_root, said, seconds)
+        found, not_shown = _write(target, solution, review_root, said, seconds)
+        edits = found.edits
         _say(said, *not_shown)
         solution, as_written = _read_back(shot, solution, path, edits, said, seconds)
         worse = [s for s in solution.stylized.styles if s.is_worse_as_written] if solution.stylized else []
@@ -130,8 +131,9 @@ def _author(
             )
         solution = replace(solution, stylized=solution.stylized.without(worse))
     with step("author", seconds):
-        reading = Reading(shot.frame, shot.refine, shot.ocio)
-        collateral = look_collateral(shot.source, shot.scene, path, reading) if edits else []
+        scene, reading = shot.scene, Reading(shot.frame, shot.refine, shot.ocio)
+        beside = lambda: look_collateral(shot.source, scene, path, reading, found.under)  # noqa: E731
+        collateral = tell_during(beside) if edits else []
     _say(said, *(c.in_words() for c in collateral if c.is_finding))
     return Look(
         os.fspath(path), tuple(edits), solution, MappingProxyType(as_written), tuple(not_shown), tuple(collateral),
@@ -214,6 +216,7 @@ class _Try:
     missing: list[Missing]
     said: list[str]
     instead: dict[str, Instead]  # by material: how it was written otherwise than usual
+    under: Scene | None = None  # the shot with it, where that was read
 
     @property
     def materials(self) -> set[str]:
@@ -223,7 +226,7 @@ class _Try:
 
 def _write(
     target: _Target, solution: Solution, review_root: PathLike | None, said: list[str], seconds: dict[str, float]
-) -> tuple[list[AuthoredEdit], list[str]]:
+) -> tuple[_Try, list[str]]:
     """Writes textures, look and review root, as they show; returns also what does not, in words."""
     shot, path = target.shot, target.path
     with step("author", seconds):
@@ -237,7 +240,7 @@ def _write(
             _say(said, f"the change of {material} is written as {instead}: as it is usually written it does not show")
         if review_root is not None:
             author_review_root(review_root, path, target.strokes_path, shot.source.GetRootLayer().realPath)
-    return found.edits, [*hidden, *(m.sentence for m in found.missing)]
+    return found, [*hidden, *(m.sentence for m in found.missing)]
 
 
 def _as_shown(target: _Target, solution: Solution) -> _Try:
@@ -272,7 +275,7 @@ def _try(target: _Target, solution: Solution, instead: dict[str, Instead]) -> _T
         return _Try(edits, [], said, instead)
     under = scene_under(shot.source, target.path, shot.frame, shot.refine, shot.ocio)
     scene = shot.scene
-    return _Try(edits, tell_during(lambda: why_missing(asked, scene, under)), said, instead)
+    return _Try(edits, tell_during(lambda: why_missing(asked, scene, under)), said, instead, under)
 
 
 def _hidden_by_hand(scene: Scene, found: _Try) -> set[str]:

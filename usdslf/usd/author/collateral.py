@@ -32,7 +32,9 @@ class Reading:
     ocio: str | None = None  # OpenColorIO config
 
 
-def look_collateral(shot: Usd.Stage, scene: Scene, look: str | os.PathLike[str], reading: Reading) -> list[Collateral]:
+def look_collateral(
+    shot: Usd.Stage, scene: Scene, look: str | os.PathLike[str], reading: Reading, shown: Scene | None = None
+) -> list[Collateral]:
     """Reads a shot with a look over it, and returns what each material that shows something else was not meant to.
 
     Args:
@@ -40,26 +42,28 @@ def look_collateral(shot: Usd.Stage, scene: Scene, look: str | os.PathLike[str],
         scene: the shot as it was read.
         look: its file.
         reading: how the shot was read.
+        shown: the shot with the look as it was read, if the caller has it.
     """
     with quiet_usd():
         layer = Sdf.Layer.FindOrOpen(os.fspath(look))
-        return collateral_between(shot, stage_under(shot, look), layer, reading, scene)
+        return collateral_between(shot, stage_under(shot, look), layer, reading, scene, shown)
 
 
 def collateral_between(
-    below: Usd.Stage, over: Usd.Stage, look: Sdf.Layer, reading: Reading, scene: Scene | None = None
-) -> list[Collateral]:
+    below: Usd.Stage, over: Usd.Stage, look: Sdf.Layer, reading: Reading, scene: Scene | None = None,
+    shown: Scene | None = None,
+) -> list[Collateral]:  # fmt: skip
     """Returns what each material that shows something else was not meant to; nothing of a look that says no meaning.
 
     Args:
         below: the shot without the look.
         over: the shot with it.
-        scene: `below` as it was read, if the caller has it.
+        scene, shown: `below` and `over` as they were read, if the caller has them.
     """
     by_hand = added_by_hand(look)
     if what_is_by_hand(by_hand):
         below, scene = compose_over(below, by_hand), None
-    shown = _read(over, reading)
+    shown = shown or _read(over, reading)
     moves = meant(over, look, [m.path for m in shown.materials])
     return collateral_of(scene or _read(below, reading), shown, moves) if moves else []
 
