@@ -77,6 +77,28 @@ def test_a_camera_where_there_is_none(inputs: Path, tmp_path: Path, run: Callabl
     assert code == 2 and "it has none at all: without --camera a view that sees everything is taken" in err
 
 
+@pytest.mark.parametrize(
+    ("line", "says"),
+    [
+        ("float horizontalAperture = 0", "horizontalAperture of camera /World/cam has no usable value: 20.955"),
+        ("float verticalAperture = nan", "verticalAperture of camera /World/cam has no usable value"),
+        ("float horizontalApertureOffset = nan", "horizontalApertureOffset of camera /World/cam has no usable value"),
+        ('string focalLength = "long"', "focalLength of camera /World/cam has no usable value: 50 is taken"),
+        ("float2 clippingRange = (5, 1)", "the clipping range of camera /World/cam is empty"),
+    ],
+)
+def test_cameras_that_cannot_be(inputs: Path, tmp_path: Path, line: str, says: str) -> None:
+    text = (inputs / "frame/s.usda").read_text()
+    name = line.split()[1]
+    kept = "\n".join(each for each in text.splitlines() if f" {name} =" not in each or "def " in each)
+    kept = kept.replace("float focalLength = 50", "", 1) if name == "focalLength" else kept
+    (tmp_path / "s.usda").write_text(kept.replace('def Camera "cam" {', f'def Camera "cam" {{ {line}\n', 1))
+    scene = read_scene(tmp_path / "s.usda")
+    assert [w for w in scene.warnings if says in w], scene.warnings
+    (camera,) = scene.cameras
+    assert np.isfinite([camera.horizontal_aperture, camera.horizontal_offset, camera.focal_length, camera.near]).all()
+
+
 @pytest.mark.parametrize("option", ["--tool", "--mode", "--norm", "--scope"])
 def test_each_choice_of_a_stroke_is_explained(run: Callable, option: str) -> None:
     words = " ".join(run("stroke", "--help")[1].split())

@@ -198,7 +198,7 @@ def test_unexpected_errors_are_one_line(shot: Path, run: Run, monkeypatch: pytes
     def fail(*_: object, **__: object) -> None:
         raise ZeroDivisionError("a slip")
 
-    monkeypatch.setattr("usdslf.shot.read_scene", fail)
+    monkeypatch.setattr("usdslf.usd.read.read.read_scene", fail)
     code, out, err = run("info", shot)
     assert (code, out) == (1, "")
     assert err.splitlines() == ["usdslf: internal error: ZeroDivisionError: a slip (--debug shows where)"]

@@ -70,7 +70,13 @@ class About:
 @click.option("--strokes", metavar="STROKES", help="The stroke layer that --aov similarity is about.")
 @click.option("--stroke", "stroke_name", metavar="NAME", help="Of its strokes, one; default: all that are active.")
 @click.option("--similarity", type=Similarity(), help="What counts for --aov similarity; default 1,0.5,2.")
-@click.option("--samples", type=click.IntRange(1, 4096), default=16, show_default=True, help="Rays a pixel.")
+@click.option(
+    "--samples",
+    type=click.IntRange(1, 4096),
+    default=16,
+    show_default=True,
+    help="Rays a pixel.  The camera's own are 4, from 256 on 16: what is thinner than half a pixel needs these.",
+)
 @lighting_options("Show surfaces without UsdPreviewSurface as solve would edit them.")
 @gathered("picture", Picture)
 @gathered("about", About)

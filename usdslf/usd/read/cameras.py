@@ -11,6 +11,7 @@ from pxr import Gf, Usd, UsdGeom
 
 from usdslf.scene.records import F64, Camera
 from usdslf.usd.notes import Notes
+from usdslf.usd.read.input_values import floats
 from usdslf.usd.read.origin import HERE, Origin
 
 
@@ -30,8 +31,19 @@ def read_camera(camera: UsdGeom.Camera, world: Gf.Matrix4d, time: Usd.TimeCode, 
     """Returns one camera; `world` is USD's local-to-world matrix."""
     path = camera.GetPath()
     perspective = camera.GetProjectionAttr().Get(time) != UsdGeom.Tokens.orthographic
-    near, far = camera.GetClippingRangeAttr().Get(time) or (0.0, np.inf)
-    focal_length = float(camera.GetFocalLengthAttr().Get(time))
+    def number(attribute: Usd.Attribute, fallback: float, is_size: bool = False) -> float:
+        found = floats(attribute.Get(time))
+        if found is not None and len(found) == 1 and (found[0] > 0 or not is_size):
+            return found[0]
+        notes.add(f"{attribute.GetName()} of camera {{}} has no usable value: {fallback:g} is taken", path)
+        return fallback
+
+    clipped = floats(camera.GetClippingRangeAttr().Get(time)) or (0.0, np.inf)
+    near, far = clipped if len(clipped) == 2 else (0.0, np.inf)
+    if not near < far:
+        notes.add("the clipping range of camera {} is empty: nothing is clipped", path)
+        near, far = 0.0, np.inf
+    focal_length = number(camera.GetFocalLengthAttr(), 50.0)
     if perspective and focal_length <= 0:
         notes.add("camera {} has no focal length: 50 is used", path)
         focal_length = 50.0
@@ -44,11 +56,11 @@ def read_camera(camera: UsdGeom.Camera, world: Gf.Matrix4d, time: Usd.TimeCode, 
     return Camera(
         path=str(path),
         world_from_camera=rigid(np.array(world, np.float64).T),
-        horizontal_aperture=float(camera.GetHorizontalApertureAttr().Get(time)),
-        vertical_aperture=float(camera.GetVerticalApertureAttr().Get(time)),
+        horizontal_aperture=number(camera.GetHorizontalApertureAttr(), 20.955, is_size=True),
+        vertical_aperture=number(camera.GetVerticalApertureAttr(), 15.2908, is_size=True),
         focal_length=focal_length,
-        horizontal_offset=float(camera.GetHorizontalApertureOffsetAttr().Get(time)),
-        vertical_offset=float(camera.GetVerticalApertureOffsetAttr().Get(time)),
+        horizontal_offset=number(camera.GetHorizontalApertureOffsetAttr(), 0.0),
+        vertical_offset=number(camera.GetVerticalApertureOffsetAttr(), 0.0),
         perspective=perspective,
         near=max(float(near), 0.0),
         far=float(far),
