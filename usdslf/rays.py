@@ -67,8 +67,9 @@ class RayTracer:
         # NaN and infinite corners would poison the bounds of the tree: collapse those triangles.
         finite = np.isfinite(corners).reshape(-1, 9).all(1)
         corners = np.where(finite.reshape(-1, 1, 1), corners, np.float32(0))
-        self._extent = np.abs(corners).max((1, 2)) if len(corners) else np.zeros(0, np.float32)
-        self._usual_extent = float(np.quantile(self._extent, 0.99)) if len(corners) else 0.0
+        # (T,) largest coordinate of each triangle, which bounds the rounding of points on it
+        self.extent: F32 = np.abs(corners).max((1, 2)) if len(corners) else np.zeros(0, np.float32)
+        self._usual_extent = float(np.quantile(self.extent, 0.99)) if len(corners) else 0.0
         self._embree = EmbreeScene()
         if len(corners):
             TriangleMesh(self._embree, corners)  # of corners, not of points: it holds the GIL, for less long that way
@@ -121,6 +122,49 @@ class RayTracer:
         hits = self.intersect(o, d)
         return (hits.triangle >= 0) & (hits.distance < limit)
 
+    def intersect_into(
+        self, rays: tuple[F32, F32, F32], found: tuple[I32, F32, F32, F32], stop_at_translucent: bool = False
+    ) -> None:
+        """Does what `intersect` does with arrays that are there already, which it writes to.
+
+        Args:
+            rays: origins (n, 3), directions (n, 3) and lengths (n,); 0: there is no ray.
+            found: triangle, u, v and distance, each (n,).
+            stop_at_translucent: as of `intersect`.
+        """
+        origin, direction, length = rays
+        triangle, u, v, distance = found
+
+        def run(rows: slice) -> None:
+            met = self._embree.run(origin[rows], direction[rows], dists=length[rows].copy(), output=True)
+            triangle[rows], u[rows], v[rows], distance[rows] = met["primID"], met["u"], met["v"], met["tfar"]
+
+        self._run_chunks(len(length), run)
+        if self._clear is None:
+            return
+        hits = Hits(triangle, np.stack([u, v], 1), distance)
+        self._pass_through(origin, direction, hits, stop_at_translucent)
+        u[:], v[:] = hits.barycentric.T
+
+    def occluded_into(self, rays: tuple[F32, F32, F32], blocked: NDArray[np.uint8]) -> None:
+        """Does what `occluded` does with arrays that are there already; writes 1 where something is in the way.
+
+        Args:
+            rays: origins (n, 3), directions (n, 3) and lengths (n,); 0: there is no ray.
+            blocked: (n,).
+        """
+        origin, direction, length = rays
+        if self._clear is not None:
+            asked = np.flatnonzero(length > 0)
+            blocked[asked] = self.occluded(origin[asked], direction[asked], length[asked])
+            return
+
+        def run(rows: slice) -> None:
+            met = self._embree.run(origin[rows], direction[rows], dists=length[rows].copy(), query="OCCLUDED")
+            blocked[rows] = met == 0
+
+        self._run_chunks(len(length), run)
+
     def intersect_columns(self, origins: F32, directions: F32) -> tuple[NDArray, ...]:
         """Does what `intersect` does on the calling thread alone, for callers that share out the work.
 
@@ -157,7 +201,7 @@ class RayTracer:
         if triangle is None:
             extent = np.maximum(extent, self._usual_extent)
         else:
-            extent = np.maximum(extent, self._extent[np.asarray(triangle)])
+            extent = np.maximum(extent, self.extent[np.asarray(triangle)])
         step = ULPS * np.finfo(np.float32).eps * extent
         return (p + step[..., None] * np.asarray(geometric_normals, np.float64)).astype(np.float32)
 

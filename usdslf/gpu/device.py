@@ -33,7 +33,7 @@ class Kernel:
         """Enqueues the kernel; arrays of the device are passed as their buffers, Python numbers are not accepted."""
         if min(global_size) == 0:
             return
-        plain = [a.base_data if isinstance(a, cla.Array) else a for a in args]
+        plain = [a.base_data if isinstance(a, cla.Array) else getattr(a, "buffer", a) for a in args]
         try:
             with self._lock:
                 self._kernel(self._queue, global_size, local_size, *plain)
@@ -56,6 +56,11 @@ class Device:
     @property
     def _info(self) -> Any:
         return self.context.devices[0]
+
+    @property
+    def has_host_memory(self) -> bool:
+        """Whether it works in the host's memory, so that arrays can be shared (shared.py)."""
+        return bool(self._info.host_unified_memory) and bool(self._info.type & cl.device_type.CPU)
 
     @property
     def name(self) -> str:
@@ -104,6 +109,10 @@ class Device:
         """Fills an array of the device with zeros; safe on several threads, as an array's own `fill` is not."""
         zero = np.zeros(1, array_d.dtype)
         cl.enqueue_fill_buffer(self.queue, array_d.base_data, zero, array_d.offset, array_d.nbytes)
+
+    def copy(self, target_d: Any, source_d: Any) -> None:
+        """Copies an array of the device to another one of its size."""
+        cl.enqueue_copy(self.queue, target_d.base_data, source_d.base_data, byte_count=source_d.nbytes)
 
     def download(self, array_d: Any) -> NDArray:
         """Copies an array of the device to the host, after all that was enqueued before."""
