@@ -181,6 +181,15 @@ class Dome:
         column = np.searchsorted(self._column_edges, share, "right") - 1
         return self._density[np.clip(row, 0, h - 1), np.clip(column, 0, w - 1)].astype(np.float32)
 
+    def density_table(self) -> tuple[NDArray[np.intp], NDArray[np.intp], F64]:
+        """Returns what `pdf` reads: the row (H,) of each row of pixels, the column (W,) of each column, densities."""
+        height, width = self.pixels.shape[:2]
+        h, w = self._density.shape
+        row_edges, column_edges = np.arange(h + 1) * height // h, np.arange(w + 1) * width // w
+        rows = np.searchsorted(row_edges, np.arange(height), "right") - 1
+        columns = np.searchsorted(column_edges, np.arange(width), "right") - 1
+        return rows, columns, self._density
+
     def without_peaks(self, solid_angle: float = 0.1, share: float = 0.01) -> tuple[Dome, Peaks | None]:
         """Splits off small bright places (a sun), which have to be drawn rather than filtered.
 

@@ -87,7 +87,7 @@ def sample_light(light: Light, points: NDArray, u: NDArray) -> LightSample:
         return _sample_distant(light, len(u), u, axis)
     if light.treat_as_point and light.kind == "sphere":
         return _sample_point(light, np.asarray(points, np.float64), axis)
-    frame = _frame(light)
+    frame = light_frame(light)
     if frame is None:
         return LightSample(*_unseen(len(u)))
     p = frame.local_points(points)
@@ -119,7 +119,7 @@ def intersect_light(light: Light, origins: NDArray, directions: NDArray) -> Ligh
     """
     d = np.asarray(directions, np.float64).T
     n = d.shape[1]
-    frame = None if light.kind in ("distant", "dome") else _frame(light)
+    frame = None if light.kind in ("distant", "dome") else light_frame(light)
     if light.kind == "distant" and not is_delta(light):
         axis = _axis(light)
         off = d + axis[:, None]  # towards the light is -axis
@@ -153,7 +153,7 @@ def intersect_light(light: Light, origins: NDArray, directions: NDArray) -> Ligh
 
 
 @dataclass(frozen=True)
-class _Frame:
+class LightFrame:
     """A light's shape and the linear map that takes it to the world."""
 
     linear: F64  # (3, 3) world from local
@@ -169,7 +169,7 @@ class _Frame:
         return self.inverse @ (np.asarray(points, np.float64) - self.centre).T
 
 
-def _frame(light: Light) -> _Frame | None:
+def light_frame(light: Light) -> LightFrame | None:
     """The frame of an area light; None where it has no area.
 
     Flat lights get a frame of unit columns, so that their scale goes into their size and only shear and, for
@@ -199,7 +199,7 @@ def _frame(light: Light) -> _Frame | None:
     draw, meet = _SHAPES[light.kind]
     is_rigid = bool(np.abs(a.T @ a - np.eye(3)).max() < 1e-9)
     size = tuple(float(s) for s in size)
-    return _Frame(a, np.linalg.inv(a), m[:3, 3], abs(float(np.linalg.det(a))), is_rigid, size, draw, meet)
+    return LightFrame(a, np.linalg.inv(a), m[:3, 3], abs(float(np.linalg.det(a))), is_rigid, size, draw, meet)
 
 
 _SHAPES: dict[str, tuple[Callable[..., shapes.ShapeSample], Callable[..., shapes.ShapeSample]]] = {
@@ -226,39 +226,48 @@ def _unseen(n: int) -> tuple[F32, F32, F32, F32]:
 # ── emission ─────────────────────────────────────────────────────────────────────────────────────
 
 
-def _emission(light: Light, frame: _Frame, p: F64, w: F64, distance: F64, direction: F64, axis: F64) -> F64:
+def _emission(light: Light, frame: LightFrame, p: F64, w: F64, distance: F64, direction: F64, axis: F64) -> F64:
     """Radiance (3, n) that leaves the light against world directions (3, n), without visibility."""
     out = _shaped(light, direction, axis)
     if light.kind == "rect" and light.texture:
-        pixels = _rect_pixels(light.texture)
+        pixels = light_picture(light.texture)
         q = p[:2] + np.where(np.isfinite(distance), distance, 0) * w[:2]
         out = out * _read_picture(pixels, 0.5 - q[0] / frame.size[0], 0.5 - q[1] / frame.size[1])
     return out
 
 
+def shaping_of(light: Light) -> tuple[F64, tuple[float, float] | None, float]:
+    """Returns the axis (3,) along which a light shines, its cone and its focus.
+
+    The cone: angles off the axis [rad] from which on there is no light, and from which on it fades; None: no cone.
+    """
+    softness = min(max(light.cone_softness, 0.0), 1.0)
+    has_cone = light.cone_angle < 180 and not (light.cone_angle == 90 and softness == 0)
+    cutoff = float(np.radians(max(light.cone_angle, 0.0)))
+    return _axis(light), (cutoff, cutoff * (1 - softness)) if has_cone else None, light.focus
+
+
 def _shaped(light: Light, direction: F64, axis: F64) -> F64:
     """Radiance (3, n) or (3, 1) of the light after shaping, seen along `direction` (3, n)."""
     out = np.asarray(light.radiance, np.float64)[:, None]
-    softness = min(max(light.cone_softness, 0.0), 1.0)
-    has_cone = light.cone_angle < 180 and not (light.cone_angle == 90 and softness == 0)
-    if not has_cone and light.focus <= 0:
+    _, cone, focus = shaping_of(light)
+    if cone is None and focus <= 0:
         return out
     cos = np.clip(-(axis @ direction), -1, 1)
-    if has_cone:
-        cutoff = np.radians(max(light.cone_angle, 0.0))
-        off, start = np.arccos(cos), cutoff * (1 - softness)
+    if cone is not None:
+        off, (cutoff, start) = np.arccos(cos), cone
         if cutoff > start:
             t = np.clip((off - start) / (cutoff - start), 0, 1)
             out = out * (1 - t * t * (3 - 2 * t))
         else:
             out = out * (off <= cutoff)
-    if light.focus > 0:
+    if focus > 0:
         tint = np.asarray(light.focus_tint, np.float64)[:, None]
-        out = out * (tint + (1 - tint) * np.abs(cos) ** light.focus)
+        out = out * (tint + (1 - tint) * np.abs(cos) ** focus)
     return out
 
 
-def _rect_pixels(texture: LightTexture) -> F32:
+def light_picture(texture: LightTexture) -> F32:
     """The picture (H, W, 3) of a rect light, read again when its file or its OpenColorIO config has changed."""
     return _read_rect(texture, stamp_of(texture.path), color_of(texture.ocio, texture.working_space))
 

@@ -73,15 +73,18 @@ class LightSource:
         self.is_delta = is_delta(light)
         m = light.world_from_light
         self._center = m[:3, 3].astype(np.float32)
-        self._area = light_area(light)
-        self._power = float(luminance(np.asarray(light.radiance)))
+        power, area = float(luminance(np.asarray(light.radiance))), light_area(light)
+        # power, and what is added to the squared distance; below 0: it is the same everywhere
+        self.guess = (power * area, area)
+        if light.kind == "distant":
+            self.guess = (power * distant_angle(light), -1.0)
         self._towards = (m[:3, 2] / np.linalg.norm(m[:3, 2])).astype(np.float32)
         self._cosine = np.float32(np.cos(min(light.angle / 2, np.pi)) - 1e-5)
         extent = {
             "rect": np.hypot(light.width, light.height) / 2,
             "cylinder": np.hypot(light.length / 2, light.radius),
         }.get(light.kind, light.radius)
-        self._reach = np.float32(1.001 * extent * np.linalg.norm(m[:3, :3], 2) + 1e-20)
+        self.reach = np.float32(1.001 * extent * np.linalg.norm(m[:3, :3], 2) + 1e-20)
 
     def sample(self, points: F32, u: F32) -> Arrival:
         s = sample_light(self.light, points, u)
@@ -98,18 +101,18 @@ class LightSource:
             to = self._center - origins
             along = dot(to, directions)
             off = dot(to, to) - along * along
-            near = np.flatnonzero((along > -self._reach) & (off <= self._reach**2))
+            near = np.flatnonzero((along > -self.reach) & (off <= self.reach**2))
         if len(near):
             distance[near], radiance[near], pdf[near] = intersect_light(self.light, origins[near], directions[near])
         return distance, radiance, pdf
 
     def importance(self, points: F32) -> NDArray[np.float32]:
-        if self.light.kind == "distant":
-            solid = 2 * np.pi * (1 - np.cos(min(self.light.angle / 2, np.pi / 2))) if self.light.angle > 0 else 1.0
-            return np.full(len(points), self._power * solid, np.float32)
+        power, spread = self.guess
+        if spread < 0:
+            return np.full(len(points), power, np.float32)
         to = points - self._center
         d2 = dot(to, to)
-        return (self._power * self._area / (d2 + self._area)).astype(np.float32)
+        return (power / (d2 + spread)).astype(np.float32)
 
 
 class DomeSource:
@@ -126,14 +129,14 @@ class DomeSource:
         z, phi = 1 - 2 * grid, np.pi * (1 + 5**0.5) * np.arange(4096)
         s = np.sqrt(1 - z * z)
         all_around = np.stack([s * np.cos(phi), s * np.sin(phi), z], -1).astype(np.float32)
-        self._irradiance = float(luminance(self.dome.radiance(all_around, None)).mean() * np.pi)
+        self.irradiance = float(luminance(self.dome.radiance(all_around, None)).mean() * np.pi)
 
     def sample(self, points: F32, u: F32) -> Arrival:
         direction, radiance, pdf = self.dome.sample(u)
         return Arrival(direction, np.full(len(points), np.inf, np.float32), radiance, pdf, False)
 
     def importance(self, points: F32) -> NDArray[np.float32]:
-        return np.full(len(points), self._irradiance, np.float32)
+        return np.full(len(points), self.irradiance, np.float32)
 
 
 class EmissiveSurfaces:
@@ -161,20 +164,20 @@ class EmissiveSurfaces:
         power = power[keep]
         self.flux = float(power.sum())
         chance = power / max(self.flux, 1e-30)
-        self._cumulative = np.cumsum(chance)
-        self._pdf_area = np.zeros(len(t.material), np.float32)  # per triangle [1 / area]
-        self._pdf_area[self.triangle] = chance / t.areas[self.triangle]
-        self.emits = self._pdf_area > 0  # (T,)
+        self.cumulative = np.cumsum(chance)
+        self.pdf_area = np.zeros(len(t.material), np.float32)  # per triangle [1 / area]
+        self.pdf_area[self.triangle] = chance / t.areas[self.triangle]
+        self.emits = self.pdf_area > 0  # (T,)
         if len(self.triangle):
             corners = t.positions[self.triangle].reshape(-1, 3)
-            self._center = ((corners.min(0) + corners.max(0)) / 2).astype(np.float32)
-            self._size2 = float(t.areas[self.triangle].sum())
+            self.center = ((corners.min(0) + corners.max(0)) / 2).astype(np.float32)
+            self.size2 = float(t.areas[self.triangle].sum())
 
     def sample(self, points: F32, u: F32) -> Arrival:
         n = len(points)
-        pick = np.minimum(np.searchsorted(self._cumulative, u[:, 0], side="right"), len(self.triangle) - 1)
-        low = np.where(pick > 0, self._cumulative[pick - 1], 0)
-        first = np.clip((u[:, 0] - low) / (self._cumulative[pick] - low), 0, 1)
+        pick = np.minimum(np.searchsorted(self.cumulative, u[:, 0], side="right"), len(self.triangle) - 1)
+        low = np.where(pick > 0, self.cumulative[pick - 1], 0)
+        first = np.clip((u[:, 0] - low) / (self.cumulative[pick] - low), 0, 1)
         root = np.sqrt(first)
         barycentric = np.stack([root * (1 - u[:, 1]), root * u[:, 1]], -1).astype(np.float32)
         triangle = self.triangle[pick]
@@ -197,12 +200,12 @@ class EmissiveSurfaces:
     def pdf(self, triangle: I32, direction: F32, distance: F32) -> NDArray[np.float32]:
         """Returns with which density (n,) [1/sr] sampling chooses points that rays hit."""
         cosine = np.abs(dot(self._triangles.face_normals[triangle], direction))
-        return self._pdf_area[triangle] * distance**2 / np.maximum(cosine, 1e-6)
+        return self.pdf_area[triangle] * distance**2 / np.maximum(cosine, 1e-6)
 
     def importance(self, points: F32) -> NDArray[np.float32]:
-        to = points - self._center
+        to = points - self.center
         d2 = dot(to, to)
-        return (self.flux / (d2 + self._size2)).astype(np.float32)
+        return (self.flux / (d2 + self.size2)).astype(np.float32)
 
 
 class SurfaceEmission:
@@ -280,6 +283,11 @@ class LightSet:
         even = worth / np.float32(max(worth.sum(), 1))
         share = np.where(total > 0, guess / np.where(total > 0, total, 1), even)
         return (0.8 * share + 0.2 * even).astype(np.float32)
+
+
+def distant_angle(light: Light) -> float:
+    """Returns the solid angle of a distant light [sr]; 1 for parallel rays, whose radiance is their irradiance."""
+    return float(2 * np.pi * (1 - np.cos(min(light.angle / 2, np.pi / 2)))) if light.angle > 0 else 1.0
 
 
 def light_area(light: Light) -> float:
