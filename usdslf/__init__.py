@@ -28,6 +28,9 @@ Public names; all others may change from version to version:
     run, stepwise    such a generator to its end; any function as such a generator
     author           a Solution -> a look layer, as a Look
     render_shot      pictures of a Shot, or of it under a look
+    live_picture     begins a picture that comes at once and gets better, a LivePicture
+    LivePicture      yields LiveFrames; makes others of another camera or size, or after an edit
+    LiveFrame        the picture so far
     Settings, Solution, Look, Progress, Cancelled      their records
     Stroke           what was painted, and from where, as a record
     paint_stroke     a path on the picture of a camera -> Stroke
@@ -46,8 +49,9 @@ from usdslf.errors import UsdslfError
 from usdslf.usd.schema import announce_schema
 
 if TYPE_CHECKING:
-    from usdslf.look import Look, author, render_shot
+    from usdslf.look import Look, author, live_picture, render_shot
     from usdslf.progress import Cancelled, Progress, run, stepwise
+    from usdslf.render.live.picture import LiveFrame, LivePicture
     from usdslf.scene.records import Scene
     from usdslf.session import Session, open
     from usdslf.shot import Shot
@@ -62,6 +66,8 @@ announce_schema()
 
 __all__ = [
     "Cancelled",
+    "LiveFrame",
+    "LivePicture",
     "Look",
     "Progress",
     "Scene",
@@ -73,6 +79,7 @@ __all__ = [
     "UsdslfError",
     "__version__",
     "author",
+    "live_picture",
     "open",
     "paint_stroke",
     "read_strokes",
@@ -91,7 +98,8 @@ _HOME = {
     "open": "usdslf.session",
     "Shot": "usdslf.shot",
     **dict.fromkeys(("Settings", "Solution", "solve", "stylize_shot"), "usdslf.solution"),
-    **dict.fromkeys(("Look", "author", "render_shot"), "usdslf.look"),
+    **dict.fromkeys(("Look", "author", "live_picture", "render_shot"), "usdslf.look"),
+    **dict.fromkeys(("LiveFrame", "LivePicture"), "usdslf.render.live.picture"),
     **dict.fromkeys(("Cancelled", "Progress", "run", "stepwise"), "usdslf.progress"),
     "Stroke": "usdslf.strokes.stroke",
     "paint_stroke": "usdslf.strokes.paint",

@@ -2,6 +2,7 @@
 
     author(shot, solution, path, ...) -> Look       writes the layer and reads it back
     render_shot(shot, camera, look, ...)            pictures of the shot, or of it under a look
+    live_picture(shot, camera, look, ...)           one that comes at once and gets better
 
 Both tell how far they are (progress.py); as generators that `close` cancels: `stepwise(lambda: author(...))`.
 """
@@ -30,6 +31,7 @@ from usdslf.inference.asked import asked_of
 from usdslf.inference.changes import with_varying
 from usdslf.light_field.light_field import Surface
 from usdslf.progress import step, tell, tell_during
+from usdslf.render.live.picture import LivePicture
 from usdslf.render.picture import LitScene, PictureOptions, render_bands
 from usdslf.scene.records import Camera, Scene
 from usdslf.shot import Shot, converge
@@ -174,6 +176,31 @@ def render_shot(
 
     with step("render", shot.seconds):
         return tell_during(render)
+
+
+def live_picture(
+    shot: Shot, camera: Camera | str | None = None, look: Look | PathLike | None = None,
+    size: tuple[int, int] = (640, 360), hide_lights: bool = False,
+) -> LivePicture:  # fmt: skip
+    """Begins a picture of a shot that comes at once and gets better, for who looks at it and changes things.
+
+    Args:
+        shot: it keeps its light field.
+        camera: one, or its path; None: the shot's first, or one that sees everything.
+        look: None: as the shot is.
+        size: width and height [pixels].
+        hide_lights: lights and domes are not seen by the camera.
+
+    Returns: a LivePicture; it makes others of another camera, another size, or after an edit.
+
+    Raises: StageError for an unknown camera, InputError for a look that cannot be read or a size.
+    """
+    if look is not None:
+        shot = shot.edited(look.path if isinstance(look, Look) else look)
+    view = camera if isinstance(camera, Camera) else shot.camera(camera)
+    lit, lights = LitScene(shot.scene, shot.tracer, shot.light_field, shot.lights, shot.device), shot.light_set
+    with step("render", shot.seconds):
+        return tell_during(lambda: LivePicture.of(lit, lights, view, size, hide_lights))
 
 
 def _say(said: list[str], *sentences: str) -> None:

@@ -41,6 +41,14 @@ def follow(path: str, strokes: list[usdslf.Stroke]) -> usdslf.Look:
     return look
 
 
+def watch(shot: usdslf.Shot) -> usdslf.LivePicture:
+    picture: usdslf.LivePicture = usdslf.live_picture(shot, None, size=(320, 180))
+    for frame in picture.frames(2):
+        shown: usdslf.LiveFrame = frame
+        print(shown.picture.shape, shown.number, shown.share, shown.error)
+    return picture.with_materials(shot.scene.materials).seen_by(shot.camera(), (160, 90))
+
+
 def main() -> int:
     try:
         session = usdslf.open("shot.usda", elements=4000)

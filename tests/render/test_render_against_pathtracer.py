@@ -13,6 +13,9 @@ import usdslf
 
 PICTURES = Path(__file__).parents[1] / "truth/pictures"
 ELEMENTS, SAMPLES = 4000, 16
+FRAMES = 64  # of the live picture
+LIVE = {"room_glossy_area": 0.016, "metals_textured_dome": 0.012, "textured_sky_z_up": 0.018, "emissive_panel": 0.024}
+""" """
 
 
 @pytest.mark.parametrize("name", SCENES)
@@ -23,4 +26,10 @@ def test_picture_agrees_with_the_path_tracer(name: str, tmp_path: Path) -> None:
     picture = session.render(CAMERA, SIZE, samples=SAMPLES)["color"]
     truth = np.load(PICTURES / f"{name}.npz")["picture"].astype(np.float64)
     assert relative_error(picture, truth) < scene.tolerance, name
+    if name in LIVE:
+        *_, last = usdslf.live_picture(session.shot, CAMERA, size=SIZE).frames(FRAMES)
+        live = last.picture
+        assert relative_error(live, truth) < LIVE[name]
+        assert np.abs(live.mean((0, 1)) / picture.mean((0, 1)) - 1).max() < 0.01
+        assert relative_error(live, picture) < 0.025
     assert not session.warnings

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+import usdslf
 from usdslf.cli.parameters import Similarity, Size
 from usdslf.cli.program import Command, Settings, Several, gathered, settings
 from usdslf.cli.shot_options import Lighting, lighting_options
@@ -15,6 +16,8 @@ from usdslf.errors import StrokeError
 from usdslf.strokes.stroke import frame_of
 
 if TYPE_CHECKING:
+    from usdslf.scene.records import F32, Camera
+    from usdslf.session import Session
     from usdslf.similarity.similarity import Weights
     from usdslf.strokes.stroke import Stroke
 
@@ -35,6 +38,7 @@ class Picture:
     edits: str | None
     aovs: tuple[str, ...]
     samples: int
+    live: int | None  # frames
 
 
 @dataclass(frozen=True)
@@ -77,6 +81,12 @@ class About:
     show_default=True,
     help="Rays a pixel.  The camera's own are 4, from 256 on 16: what is thinner than half a pixel needs these.",
 )
+@click.option(
+    "--live",
+    type=click.IntRange(1, 4096),
+    metavar="FRAMES",
+    help="The picture that a viewer shows after so many frames: 1 comes at once, 64 are about as good as --samples 16.",
+)
 @lighting_options("Show surfaces without UsdPreviewSurface as solve would edit them.")
 @gathered("picture", Picture)
 @gathered("about", About)
@@ -91,6 +101,8 @@ def render(settings: Settings, stage: str, shot: Lighting, picture: Picture, abo
     output, aovs = picture.output, picture.aovs
     check_picture(output, aovs)
     weights = about.weights(aovs)
+    if picture.live and aovs:
+        raise click.UsageError("--live has no further layers; leave --aov out, or --live")
     heard: list[str] = []
     chosen = _strokes_of(about.strokes, about.stroke_name, heard) if about.strokes else []
     if chosen:
@@ -107,10 +119,29 @@ def render(settings: Settings, stage: str, shot: Lighting, picture: Picture, abo
             similar = {SIMILARITY: session.similarity(chosen, view, size, weights)}
         shown = tuple(a for a in aovs if a != SIMILARITY)
         grey = bool(about.strokes) and output.lower().endswith(".png")
-        pictures = {**({} if grey else session.render(view, size, shown, samples=picture.samples)), **similar}
+        if picture.live:
+            rendered = _live(session, view, size, picture.live)
+        else:
+            rendered = {} if grey else session.render(view, size, shown, samples=picture.samples)
+        pictures = {**rendered, **similar}
     write_picture(output, pictures, session.scene, aovs)
     warn([*heard, *session.warnings], settings.quiet)
     click.echo(output)
+
+
+def _live(session: Session, view: Camera, size: tuple[int, int], frames: int) -> dict[str, F32]:
+    """What a live picture shows after some frames."""
+    from usdslf.progress import step, tell, tell_during
+
+    def gather() -> dict[str, F32]:
+        for frame in live.frames(frames):
+            tell(frame.share)
+        return {"color": frame.picture}
+
+    with session.hearing():
+        live = usdslf.live_picture(session.shot, view, size=size)
+        with step("render", session.own_seconds):
+            return tell_during(gather)
 
 
 def _strokes_of(layer: str, name: str | None, warnings: list[str]) -> list[Stroke]:

@@ -1,0 +1,171 @@
+/* live_combine.cl: from columns of light to a picture.
+ *
+ *     guide_rows     what neighbours are compared by
+ *     mean_columns   columns of all frames so far, to light (rows, LIGHT): X, Y, A, B, coat
+ *     filter_light   along one axis, over neighbours that show the same surface the same way; kernels/filter.cl has the reasons
+ *     combine        light and colours to radiance, pixel by pixel
+ *     find_edges     pixels that one sample is not enough for
+ *
+ * Guides: position, how far neighbours may lie off its plane, normal, class (negative: nothing), mirror direction, alpha.
+ */
+#include "live_records.cl"
+
+#define G_GAP 3
+#define G_NORMAL 4
+#define G_CLASS 7
+#define G_MIRROR 8
+#define G_ALPHA 11
+
+/* size_per_distance: of a pixel, for one unit of distance; or, where it is negative, its size */
+__kernel void guide_rows(
+    const uint count, __global const float *surfaces, __global const float *distance, const float size_per_distance,
+    __global float *guide)
+{
+    size_t i = get_global_id(0);
+    if (i >= count) return;
+    __global const float *s = surfaces + i * SURFACE;
+    __global float *out = guide + i * GUIDE;
+    out[G_CLASS] = -1.0f;
+    if (s[MATERIAL] < 0.0f) return;
+    float3 n = row3(s, NORMAL), v = row3(s, VIEW);
+    float lean = larger(inner(row3(s, GEOMETRIC), v), 0.05f);
+    float pixel = size_per_distance < 0.0f ? -size_per_distance : size_per_distance * distance[i];
+    put3(row3(s, POSITION), out, 0);
+    out[G_GAP] = pixel * (0.5f + 0.1f / lean);
+    put3(n, out, G_NORMAL);
+    out[G_CLASS] = 2.0f * s[MATERIAL] + (largest(row3(s, DIFFUSE)) > 0.0f ? 0.0f : 1.0f);
+    put3(2.0f * inner(n, v) * n - v, out, G_MIRROR);
+    out[G_ALPHA] = s[ALPHA];
+}
+
+/* columns (rows, COLUMNS) are sums of FRAMES frames; soft (rows, 3): diffuse light of the elements, which has the weight that
+ * gathered light has not yet; fresnel (FRESNEL): share of the column Y by the cosine of the eye */
+__kernel void mean_columns(
+    const uint count, __global const float *surfaces, __global const float *columns, __global const float *soft,
+    __global const float *fresnel, __global float *light)
+{
+    size_t i = get_global_id(0);
+    if (i >= count) return;
+    __global const float *c = columns + i * COLUMNS;
+    __global const float *s = surfaces + i * SURFACE;
+    __global float *out = light + i * LIGHT;
+    float f = 1.0f / larger(c[FRAMES], 1.0f), old = KNOWN_FRAMES / (c[GATHERED] + KNOWN_FRAMES);
+    float g = (1.0f - old * old) / larger(c[GATHERED], 1.0f);
+    float3 known = old * old * load3(soft, i);
+    float cosine = within(inner(row3(s, NORMAL), row3(s, VIEW)), 0.0f, 1.0f) * (FRESNEL_COSINES - 1);
+    int k = lesser((int)cosine, FRESNEL_COSINES - 2);
+    float y = fresnel[k] + (cosine - k) * (fresnel[k + 1] - fresnel[k]);
+    put3(f * row3(c, 0) + g * row3(c, 6) + (1.0f - y) * known, out, 0);
+    put3(f * row3(c, 3) + g * row3(c, 9) + y * known, out, 3);
+    for (int k = 12; k < 21; k++) out[k - 6] = f * c[k];
+    out[15] = c[FRAMES];
+}
+
+/* light (rows, LIGHT) averaged along one axis of a window, over the rows of the picture's grid
+ * is_grid   whether the rows are those of the grid, else `pixel` (rows) says where each is
+ * guide, own         of the rows
+ * grid_guide, light  of the grid
+ * to_own    whether rows of many frames get their own light back
+ */
+__kernel void filter_light(
+    const uint count, const int width, const int height, const int step_x, const int step_y, const int window,
+    const int is_grid, const int to_own, __global const uint *pixel, __global const float *guide, __global const float *own,
+    __global const float *grid_guide, __global const float *light, __global float *filtered)
+{
+    size_t i = get_global_id(0);
+    if (i >= count) return;
+    __global const float *a = guide + i * GUIDE;
+    __global float *out = filtered + i * LIGHT;
+    if (a[G_CLASS] < 0.0f) {
+        for (int k = 0; k < LIGHT; k++) out[k] = 0.0f;
+        return;
+    }
+    uint p = is_grid ? i : pixel[i];
+    int x = p % width, y = p / width;
+    float3 n = row3(a, G_NORMAL), at = row3(a, 0), mirror = row3(a, G_MIRROR);
+    float alpha = a[G_ALPHA], wide = lesser(LOBE_WIDTH * alpha, WIDEST);
+    float16 mine = vload16(0, own + i * LIGHT);
+    float keep = within((mine.sf - FILTERED_FRAMES) * (1.0f / (SET - FILTERED_FRAMES)), 0.0f, 1.0f);
+    if (keep >= 1.0f) {
+        vstore16(mine, 0, out);
+        return;
+    }
+    float16 sum = (float16)(0.0f), sharp = (float16)(0.0f);
+    float matte = 0.0f, specular = 0.0f;
+    for (int k = -window / 2; k < window - window / 2; k++) {
+        int u = x + k * step_x, v = y + k * step_y;
+        if (u < 0 || v < 0 || u >= width || v >= height) continue;
+        size_t q = (size_t)v * width + u;
+        __global const float *b = grid_guide + q * GUIDE;
+        int is_same = is_grid && k == 0;
+        if (b[G_CLASS] != a[G_CLASS] || (!is_same && inner(row3(b, G_NORMAL), n) < NORMAL_COSINE)) continue;
+        if (fabs(inner(row3(b, 0) - at, n)) > a[G_GAP]) continue;
+        float16 l = vload16(0, light + q * LIGHT);
+        sum += l;
+        matte += 1.0f;
+        float3 off = row3(b, G_MIRROR) - mirror;
+        if (!is_same && (inner(off, off) > wide * wide || fabs(b[G_ALPHA] - alpha) > 0.15f * alpha)) continue;
+        sharp += l;
+        specular += 1.0f;
+    }
+    sum = matte > 0.0f ? sum / matte : mine;
+    sharp = specular > 0.0f ? sharp / specular : mine;
+    float16 mean = (float16)(sum.s0123, sum.s45, sharp.s67, sharp.s89ab, sharp.scde, mine.sf);
+    if (to_own) mean += keep * (mine - mean);
+    vstore16(mean, 0, out);
+}
+
+inline float3 radiance_of(__global const float *s, __global const float *l)
+{
+    float3 d = row3(s, DIFFUSE), f0 = row3(s, F_ZERO), f90 = row3(s, F_NINETY);
+    return d * ((1.0f - f0) * row3(l, 0) + (1.0f - f90) * row3(l, 3)) + f0 * row3(l, 6) + f90 * row3(l, 9) + row3(l, 12)
+           + row3(s, EMISSION);
+}
+
+/* backdrop (pixels, 3): lights and domes in view; share: of its pixel that each row is; first_more (pixels + 1) of the rows behind
+ * the grid's own, `more_*` */
+__kernel void combine(
+    const uint count, __global const float *surfaces, __global const float *light, __global const float *share,
+    __global const float *backdrop, const int has_more, __global const uint *first_more, __global const float *more_surfaces,
+    __global const float *more_light, __global const float *more_share, __global float *picture)
+{
+    size_t p = get_global_id(0);
+    if (p >= count) return;
+    float3 sum = load3(backdrop, p);
+    __global const float *s = surfaces + p * SURFACE;
+    if (s[MATERIAL] >= 0.0f) sum += share[p] * radiance_of(s, light + p * LIGHT);
+    uint last = has_more ? first_more[p + 1] : 0;
+    for (uint k = has_more ? first_more[p] : 0; k < last; k++)
+        if (more_surfaces[k * SURFACE + MATERIAL] >= 0.0f)
+            sum += more_share[k] * radiance_of(more_surfaces + k * SURFACE, more_light + k * LIGHT);
+    store3(sum, picture, p);
+}
+
+/* pixels next to which something else is seen
+ * edge (pixels) result */
+__kernel void find_edges(const uint count, const int width, const int height, __global const float *guide, __global uchar *edge)
+{
+    size_t p = get_global_id(0);
+    if (p >= count) return;
+    int x = p % width, y = p / width, found = 0;
+    __global const float *a = guide + p * GUIDE;
+    for (int k = 0; k < 4; k++) {
+        int u = x + (k == 0) - (k == 1), v = y + (k == 2) - (k == 3);
+        if (u < 0 || v < 0 || u >= width || v >= height) continue;
+        __global const float *b = guide + ((size_t)v * width + u) * GUIDE;
+        if (b[G_CLASS] < 0.0f && a[G_CLASS] < 0.0f) continue;
+        found |= a[G_CLASS] != b[G_CLASS] || inner(row3(a, G_NORMAL), row3(b, G_NORMAL)) < EDGE_COSINE
+                 || fabs(inner(row3(b, 0) - row3(a, 0), row3(a, G_NORMAL))) > 3.0f * a[G_GAP];
+    }
+    edge[p] = found;
+}
+
+/* starts some rows anew */
+__kernel void forget_rows(const uint count, __global const uint *rows, __global float *columns, __global float *moments)
+{
+    size_t at = get_global_id(0);
+    if (at >= count) return;
+    size_t i = rows[at];
+    for (int k = 0; k < COLUMNS; k++) columns[i * COLUMNS + k] = 0.0f;
+    moments[2 * i] = moments[2 * i + 1] = 0.0f;
+}

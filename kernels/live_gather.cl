@@ -1,0 +1,545 @@
+/* live_gather.cl: the light that arrives at the surfaces of a live picture, one frame at a time.
+ *
+ *     draw_first      of each row: a direction towards each source, one of its specular lobes, one of its diffuse lobe
+ *     arrive_first    what the rays of the lobes met; which of them are followed
+ *     gather_paths    those that are followed, side by side
+ *     scatter         at the surfaces that they met: one sample of one source, one ray onwards
+ *     arrive_on_path  what that brought
+ *     add_frame       all of it, added to the columns of the rows
+ *
+ * Light without the surface's colours, as of render/gather.py: L = d [(1 - F0) X + (1 - F90) Y] + F0 A + F90 B + coat.  X and Y
+ * are estimated by sources and the diffuse ray, A, B and coat by sources and the specular ray, each by the balance heuristic
+ * (Veach and Guibas 1995).  Rays are traced on the host between these kernels.
+ */
+#include "live_sources.cl"
+#include "lookup.cl"
+#include "bin_blocks.cl"
+
+#define WEIGHTS 5
+
+/* ── lobes ── */
+
+typedef struct {
+    float3 t, b, n, e; /* frame of the shading normal, and the eye in it */
+    float alpha, coat_alpha, coat, coat_f0;
+} Lobe;
+
+inline Lobe lobe_of(__global const float *surface)
+{
+    Lobe o;
+    o.n = row3(surface, NORMAL);
+    frame_about(o.n, &o.t, &o.b);
+    float3 v = row3(surface, VIEW);
+    o.e = unit((float3)(inner(o.t, v), inner(o.b, v), larger(inner(o.n, v), 1e-3f)));
+    o.alpha = surface[ALPHA];
+    o.coat_alpha = surface[COAT_ALPHA];
+    o.coat = surface[COAT];
+    o.coat_f0 = surface[COAT_F_ZERO];
+    return o;
+}
+
+inline float3 local_in(Lobe o, float3 d) { return (float3)(inner(o.t, d), inner(o.b, d), inner(o.n, d)); }
+inline float3 world_from(Lobe o, float3 l) { return unit(l.x * o.t + l.y * o.b + l.z * o.n); }
+
+/* weights (5) of light from l, and the densities with which the lobe and the coat's lobe are drawn */
+inline void weights_of(Lobe o, float3 l, float3 h, float *w, float *lobe_pdf, float *coat_pdf)
+{
+    for (int k = 0; k < WEIGHTS; k++) w[k] = 0.0f;
+    *lobe_pdf = *coat_pdf = 0.0f;
+    if (l.z <= 0.0f) return;
+    float g = 1.0f - within(inner(o.e, h), 0.0f, 1.0f), g2 = g * g, f = g2 * g2 * g;
+    *lobe_pdf = model_weights(o.alpha, ggx_of_half(o.alpha, h), f, o.e, l, w);
+    if (o.coat > 0.0f) {
+        float dc = ggx_of_half(o.coat_alpha, h);
+        w[4] = o.coat * (o.coat_f0 + (1.0f - o.coat_f0) * f) * dc * smith_visibility(o.coat_alpha, l.z, o.e.z) * l.z;
+        *coat_pdf = visible_pdf(o.coat_alpha, dc, o.e.z);
+    }
+}
+
+/* a light direction l of a lobe, and its half vector */
+inline void mirrored_by(float alpha, float3 e, float2 u, float3 *l, float3 *h)
+{
+#if MODEL == 0
+    float3 s = unit((float3)(alpha * e.x, alpha * e.y, e.z));
+    float z = (1.0f - u.y) * (1.0f + s.z) - s.z;
+    float r = sqrt(within(1.0f - z * z, 0.0f, 1.0f));
+    float2 c = r * cos_sin_of_turn(u.x);
+    float3 m = (float3)(c.x, c.y, z) + s;
+    *h = unit((float3)(alpha * m.x, alpha * m.y, larger(m.z, 1e-6f)));
+    *l = 2.0f * inner(e, *h) * *h - e;
+#else
+    model_draw(alpha, e, u, l, h);
+#endif
+}
+
+inline float3 cosine_direction(float2 u)
+{
+    return (float3)(sqrt(u.y) * cos_sin_of_turn(u.x), sqrt(larger(1.0f - u.y, 0.0f)));
+}
+
+/* ── the guide: where light comes from at an element, by blocks of bins; see guided_directions.cl ── */
+
+inline float guided_density(__global const float *guides, __global const float *frames, int element, float3 d)
+{
+    float3 l = local_from_world(frames, element, d);
+    if (!(l.z > 0.0f)) return 0.0f;
+    __global const float *row = guides + (size_t)element * BLOCK_COUNT;
+    int b = block_of(quick_bin_of(l));
+    return (row[b] - (b > 0 ? row[b - 1] : 0.0f)) * (BLOCK_COUNT / (2.0f * PI_F));
+}
+
+inline float3 guided_towards(__global const float *guides, __global const float *frames, int element, float2 u)
+{
+    __global const float *row = guides + (size_t)element * BLOCK_COUNT;
+    int low = 0, high = BLOCK_COUNT - 1; /* the first block whose cumulative chance exceeds u.x */
+    while (low < high) {
+        int middle = (low + high) / 2;
+        if (row[middle] > u.x) high = middle; else low = middle + 1;
+    }
+    float before = low > 0 ? row[low - 1] : 0.0f;
+    float x = within((u.x - before) / larger(row[low] - before, 1e-12f), 0.0f, 0.9999999f);
+    float a = (low % BLOCKS_ON_SIDE + x) * (2.0f / BLOCKS_ON_SIDE) - 1.0f;
+    float b = (low / BLOCKS_ON_SIDE + u.y) * (2.0f / BLOCKS_ON_SIDE) - 1.0f;
+    /* hemisphere_from_square of common.cl */
+    int wide = fabs(a) > fabs(b);
+    float r = wide ? a : b, safe = r == 0.0f ? 1.0f : r;
+    float turn = wide ? 0.125f * b / safe : 0.25f - 0.125f * a / safe;
+    turn -= floor(turn);
+    float2 c = r * sqrt(larger(2.0f - r * r, 0.0f)) * cos_sin_of_turn(turn);
+    return world_from_local(frames, element, (float3)(c, 1.0f - r * r));
+}
+
+/* where rays start: off the surface */
+inline float3 start_of(__global const float *surface)
+{
+    return row3(surface, POSITION) + surface[LIFT] * row3(surface, GEOMETRIC);
+}
+
+/* a ray that only the shading normal sends out is folded up, else bumps would be black; returns whether it was */
+inline int fold(float3 geometric, float3 *d)
+{
+    float below = inner(geometric, *d);
+    if (below < 0.0f) *d -= 2.0f * below * geometric;
+    return below < 0.0f;
+}
+
+/* ── the first surface ── */
+
+inline float4 shifted(float4 u, float4 shift)
+{
+    float4 x = u + shift;
+    return (float4)(x.x >= 1.0f ? x.x - 1.0f : x.x, x.y >= 1.0f ? x.y - 1.0f : x.y, x.z >= 1.0f ? x.z - 1.0f : x.z, x.w);
+}
+
+/* rays and weights of rows (count)
+ * numbers   (streams + 2, SET) float4 of [0, 1)
+ * place     (rows) of each in its tile, which shares SET numbers
+ * turn      of the frame: which number of the set each place takes
+ * is_shared whether all tiles take the same numbers: then the mean over any tile is that of a set, and what it is wrong by is alike
+ *           everywhere; else each row shifts them by numbers of its own, and what is wrong is noise
+ * guides    (N, blocks) cumulative chances; guided: share of the diffuse rays that is drawn by them
+ * shadow_*  (streams, count) rays towards sources; length 0: none
+ * shone     (streams, count, 8): weights of the columns, radiance
+ * ray_*     (2, count) rays of the lobes, specular ones first
+ * drawn_ray (2, count, DRAWN_RAY): densities, weights over density
+ */
+__kernel void draw_first(
+    const uint count, __global const uint *rows, const uint first, const uint turn, const uint round, const int is_shared,
+    const int sends_diffuse,
+    __global const float *surfaces, __global const uchar *place, __global const float4 *numbers, SCENE_PARAMETERS,
+    __global const float *guides, __global const float *frames, const float guided,
+    __global float *shadow_origin, __global float *shadow_direction, __global float *shadow_length, __global float *shone,
+    __global float *ray_origin, __global float *ray_direction, __global float *ray_length, __global float *drawn_ray)
+{
+    size_t i = get_global_id(0);
+    if (i >= count) return;
+    size_t row = rows[first + i];
+    __global const float *surface = surfaces + row * SURFACE;
+    if (surface[MATERIAL] < 0.0f) {
+        for (int s = 0; s < streams; s++) shadow_length[s * count + i] = 0.0f;
+        ray_length[i] = ray_length[count + i] = 0.0f;
+        return;
+    }
+    Lobe lobe = lobe_of(surface);
+    float3 p = row3(surface, POSITION), start = start_of(surface), geometric = row3(surface, GEOMETRIC);
+    uint at = place[row] ^ turn, own = (uint)row * 2654435761u + 12345u, drawn_at = round * SET + at;
+    float4 shift = (float4)(0.0f);
+    if (!is_shared) {
+        random(&own);
+        shift = (float4)(random(&own), random(&own), random(&own), 0.0f);
+        drawn_at = ((round + own) % ROUNDS) * SET + at;
+    }
+    float chance_of_coat = lobe.coat > 0.0f ? 0.4f * lobe.coat : 0.0f;
+    int is_diffuse = sends_diffuse && largest(row3(surface, DIFFUSE)) > 0.0f;
+    int element = (int)surface[ELEMENT], each = streams == source_count;
+    float by_guide = element < 0 ? 0.0f : guided;
+    float w[WEIGHTS], lobe_pdf, coat_pdf;
+
+    for (int s = 0; s < streams; s++) {
+        size_t to = s * count + i;
+        float4 u = shifted(numbers[s * SET + at], shift);
+        float chance = 1.0f;
+        int chosen = each ? s : choose_source(sources, source_count, p, u.z, &chance);
+        shadow_length[to] = 0.0f;
+        if (chosen < 0 || sources[chosen * SOURCE + SRC_SAMPLED] <= 0.0f) continue;
+        __global const float *source = sources + chosen * SOURCE;
+        Arrival a = draw_source(SCENE, chosen, p, u.xy, drawn_at);
+        if (!(a.density > 0.0f && largest(a.radiance) > 0.0f)) continue;
+        float3 l = local_in(lobe, a.direction);
+        if (!(l.z > 0.0f && inner(geometric, a.direction) > 0.0f)) continue;
+        weights_of(lobe, l, unit(lobe.e + l), w, &lobe_pdf, &coat_pdf);
+        float sampled = a.density * chance * (each ? 1.0f : (float)streams);
+        float specular = (1.0f - chance_of_coat) * lobe_pdf + chance_of_coat * coat_pdf;
+        int alone = source[SRC_ALONE] > 0.0f; /* rays of the lobes do not meet it */
+        float diffuse = 0.0f;
+        if (is_diffuse && !alone) {
+            diffuse = (1.0f - by_guide) * l.z / PI_F;
+            if (by_guide > 0.0f) diffuse += by_guide * guided_density(guides, frames, element, a.direction);
+        }
+        float of_diffuse = 1.0f / (sampled + diffuse);
+        float of_specular = 1.0f / (alone ? sampled : sampled + specular);
+        __global float *out = shone + to * 8;
+        for (int k = 0; k < WEIGHTS; k++)
+            out[k] = w[k] * (k < DIFFUSE_COLUMNS ? of_diffuse * source[SRC_DIFFUSE] : of_specular * source[SRC_SPECULAR]);
+        put3(a.radiance, out, 5);
+        store3(start, shadow_origin, to);
+        store3(a.direction, shadow_direction, to);
+        shadow_length[to] = lesser(a.distance * (1.0f - 1e-4f), 1e37f);
+    }
+
+    for (int kind = 0; kind < 2; kind++) { /* specular, diffuse */
+        size_t to = kind * count + i;
+        __global float *out = drawn_ray + to * DRAWN_RAY;
+        ray_length[to] = 0.0f;
+        if (kind == 1 && !is_diffuse) continue;
+        float4 u = shifted(numbers[(streams + kind) * SET + at], shift);
+        float3 l, h, d;
+        if (kind == 0) {
+            mirrored_by(u.z < chance_of_coat ? lobe.coat_alpha : lobe.alpha, lobe.e, u.xy, &l, &h);
+            d = world_from(lobe, l);
+        } else {
+            if (u.z < by_guide) {
+                d = guided_towards(guides, frames, element, u.xy);
+                l = local_in(lobe, d);
+            } else {
+                l = cosine_direction(u.xy);
+                d = world_from(lobe, l);
+            }
+            h = unit(lobe.e + l);
+        }
+        if (!(l.z > 0.0f)) continue;
+        weights_of(lobe, l, h, w, &lobe_pdf, &coat_pdf);
+        lobe_pdf = kind == 0 ? (1.0f - chance_of_coat) * lobe_pdf + chance_of_coat * coat_pdf : l.z / PI_F;
+        float pdf = lobe_pdf;
+        if (kind == 1 && by_guide > 0.0f)
+            pdf = (1.0f - by_guide) * lobe_pdf + by_guide * guided_density(guides, frames, element, d);
+        if (!(pdf > 0.0f)) continue;
+        float scale = 1.0f / pdf;
+        out[RAY_PDF] = pdf;
+        out[RAY_LOBE_PDF] = lobe_pdf;
+        for (int k = 0; k < WEIGHTS; k++) out[RAY_WEIGHTS + k] = (k < DIFFUSE_COLUMNS) == (kind == 1) ? w[k] * scale : 0.0f;
+        out[RAY_FOLDED] = fold(geometric, &d) ? 1.0f : 0.0f;
+        out[RAY_ELEMENT] = surface[ELEMENT];
+        /* what a ray brings to a matte surface, drawn from both lobes: sharp reflections are not judged */
+        out[RAY_MATTE] = lobe_pdf >= SHARP_PDF ? 0.0f : kind == 1 ? l.z / (PI_F * pdf) : 2.0f * l.z / (l.z + PI_F * pdf);
+        store3(start, ray_origin, to);
+        store3(d, ray_direction, to);
+        ray_length[to] = 1e37f;
+    }
+}
+
+/* ── what arrives ── */
+
+/* what rays know: the light field, its means over blocks of bins, tables of elements */
+#define FIELD_PARAMETERS                                                                                                          \
+    __global const uint *cells, __global const uint *entries, const uint cell_count, __global const uint *near_elements,          \
+        __global const float *position, __global const float *frames, __global const float *outgoing, __global const float *mean, \
+        const int has_field, const float usual, const float least_footprint
+#define FIELD cells, entries, cell_count, near_elements, position, frames, outgoing, mean, has_field, usual, least_footprint
+
+/* what lights, domes and surfaces of their own send along a ray, weighted against their being drawn */
+inline float3 lit_along(SCENE_PARAMETERS, float3 p, float3 d, int t, float u, float v, float distance, float pdf, int is_mirrored,
+                        int is_first)
+{
+    float3 out = (float3)(0.0f);
+    for (int s = 0; s < source_count; s++) {
+        __global const float *source = sources + s * SOURCE;
+        int kind = (int)source[SRC_KIND];
+        if (source[SRC_ALONE] > 0.0f) continue;
+        float3 radiance;
+        float density;
+        if (kind == GLOWING) {
+            if (t < 0 || is_mirrored || !(glow_density[t] > 0.0f)) continue;
+            radiance = emission_at(materials + material_of[t] * MAT, refs, images, texels, uvs, triangles, t, u, v);
+            density = glow_pdf(glow_density, face_normal, t, d, distance);
+        } else if (kind == DOME) {
+            if (t >= 0) continue;
+            radiance = is_mirrored ? dome_about(source, pictures, d) : dome_radiance(source, pictures, d);
+            density = source[SRC_SAMPLED] > 0.0f && !is_mirrored ? dome_density(source, tables, d) : 0.0f;
+        } else {
+            if (is_mirrored) continue;
+            Arrival a = meet_source(source, pictures, p, d, t < 0 ? INFINITY : distance);
+            if (!(a.density > 0.0f)) continue;
+            radiance = a.radiance;
+            density = a.density;
+        }
+        if (density > 0.0f) density *= is_first ? (streams == source_count ? 1.0f : (float)streams * chance_of(sources, source_count, s, p)) : chance_of(sources, source_count, s, p);
+        out += radiance * (source[SRC_DIFFUSE] * pdf / (pdf + density));
+    }
+    return out;
+}
+
+/* the light field's radiance against a ray; whether it has to be followed instead */
+inline float3 known_along(SCENE_PARAMETERS, FIELD_PARAMETERS, float3 d, int t, float u, float v, float distance, float pdf, int *follows)
+{
+    float cosine = fabs(inner(load3(face_normal, t), d));
+    float footprint = distance * distance / larger(pdf * larger(cosine, 0.05f), 1e-6f);
+    if (*follows && footprint < least_footprint) return (float3)(0.0f);
+    int may = *follows;
+    *follows = 0;
+    if (!has_field) return (float3)(0.0f);
+    float weight[PER_ENTRY], brightest = 0.0f;
+    float3 sum = (float3)(0.0f);
+    uint entry = entry_of_point(cells, entries, cell_count, t, u, v, inner(d, load3(face_normal, t)) > 0.0f);
+    if (!weights_at(corners, near_elements, position, entry, t, u, v, weight)) return sum;
+    for (int k = 0; k < PER_ENTRY; k++) {
+        if (!(weight[k] > 0.0f)) continue;
+        uint e = near_elements[(size_t)entry * PER_ENTRY + k];
+        int bin = quick_bin_of(local_from_world(frames, e, -d));
+        float3 one = pdf < WIDE_PDF ? load3(mean, (size_t)e * BLOCK_COUNT + block_of(bin)) : load3(outgoing, (size_t)e * D_BINS + bin);
+        sum += weight[k] * one;
+        if (weight[k] > 0.02f) brightest = larger(brightest, bright(one));
+    }
+    if (glow_density[t] > 0.0f)
+        return larger(sum - emission_at(materials + material_of[t] * MAT, refs, images, texels, uvs, triangles, t, u, v), 0.0f);
+    float l = bright(sum);
+    *follows = may && pdf < WIDE_PDF && (brightest > UNEVEN * larger(l, usual) || l > BRIGHT * usual);
+    return *follows ? (float3)(0.0f) : sum;
+}
+
+/* rays of the first surfaces: arrived (n, 8) of lights, of surfaces, and whether each is followed */
+__kernel void arrive_first(
+    const uint count, const int may_follow, SCENE_PARAMETERS, FIELD_PARAMETERS,
+    __global const float *ray_origin, __global const float *ray_direction, __global const float *ray_length,
+    __global const int *triangle, __global const float *u_of, __global const float *v_of, __global const float *distance,
+    __global const float *drawn_ray, __global float *arrived, __global float *state, __global uchar *followed)
+{
+    size_t i = get_global_id(0);
+    if (i >= count) return;
+    __global float *out = arrived + i * 8;
+    followed[i] = 0;
+    float3 lit = (float3)(0.0f), bounced = (float3)(0.0f);
+    if (ray_length[i] > 0.0f) {
+        float3 p = load3(ray_origin, i), d = load3(ray_direction, i);
+        __global const float *ray = drawn_ray + i * DRAWN_RAY;
+        float pdf = ray[RAY_PDF], lobe_pdf = ray[RAY_LOBE_PDF];
+        int t = triangle[i];
+        lit = lit_along(SCENE, p, d, t, u_of[i], v_of[i], distance[i], pdf, ray[RAY_FOLDED] > 0.0f, 1);
+        if (t >= 0) {
+            int follows = may_follow;
+            bounced = known_along(SCENE, FIELD, d, t, u_of[i], v_of[i], distance[i], lobe_pdf, &follows);
+            followed[i] = follows;
+            __global float *s = state + i * PATH;
+            s[0] = s[1] = s[2] = 1.0f;
+            s[3] = lobe_pdf;
+            s[4] = as_float((uint)i);
+        }
+    }
+    put3(lit, out, 0);
+    put3(bounced, out, 3);
+}
+
+/* ── rays that are followed ── */
+
+/* what paths need at the surfaces that they met, side by side */
+__kernel void gather_paths(
+    const uint count, __global const int *who, __global const float *direction, __global const int *triangle,
+    __global const float *u_of, __global const float *v_of, __global const float *state,
+    __global float *direction_to, __global int *triangle_to, __global float *u_to, __global float *v_to, __global float *state_to,
+    __global float *least_roughness)
+{
+    size_t i = get_global_id(0);
+    if (i >= count) return;
+    size_t from = who[i];
+    store3(load3(direction, from), direction_to, i);
+    triangle_to[i] = triangle[from];
+    u_to[i] = u_of[from];
+    v_to[i] = v_of[from];
+    for (int k = 0; k < PATH; k++) state_to[i * PATH + k] = state[from * PATH + k];
+    least_roughness[i] = state[from * PATH + 3] < SHARP_PDF ? CAUSTIC_ROUGHNESS : 0.0f;
+}
+
+/* state (PATH): throughput, least density so far, number of the first ray; then of the ray onwards its density and whether it
+ * was folded up, and what the sampled source brings where it is seen */
+__kernel void scatter(
+    const uint count, const uint seed, __global const float *surfaces, SCENE_PARAMETERS, __global float *state,
+    __global float *shadow_origin, __global float *shadow_direction, __global float *shadow_length,
+    __global float *ray_origin, __global float *ray_direction, __global float *ray_length)
+{
+    size_t i = get_global_id(0);
+    if (i >= count) return;
+    __global const float *surface = surfaces + i * SURFACE;
+    __global float *s = state + i * PATH;
+    Lobe lobe = lobe_of(surface);
+    float3 p = row3(surface, POSITION), start = start_of(surface), geometric = row3(surface, GEOMETRIC);
+    uint random_state = as_uint(s[4]) * 9781u + seed;
+    random(&random_state);
+    float cover = surface[COVER], opacity = fabs(cover);
+    /* a ray is stopped here with the probability `opacity`; what is reflected is not scaled by that */
+    float3 throughput = row3(s, 0) * ((cover < 0.0f ? opacity : 1.0f) / larger(opacity, 0.05f));
+    float g = 1.0f - lobe.e.z, g2 = g * g, f = g2 * g2 * g;
+    float3 f0 = row3(surface, F_ZERO);
+    float specular = bright(f0 + (row3(surface, F_NINETY) - f0) * f), diffuse = bright(row3(surface, DIFFUSE));
+    float coat_chance = 0.25f * lobe.coat;
+    float share = diffuse > 1e-4f * specular ? within(specular / larger(specular + diffuse, 1e-6f), 0.2f, 0.85f) : 1.0f;
+    float specular_chance = share * (1.0f - coat_chance);
+    float diffuse_chance = 1.0f - specular_chance - coat_chance;
+    float w[WEIGHTS], lobe_pdf, coat_pdf;
+
+    shadow_length[i] = 0.0f;
+    float chance;
+    int chosen = choose_source(sources, source_count, p, random(&random_state), &chance);
+    float2 u;
+    u.x = random(&random_state);
+    u.y = random(&random_state);
+    float3 shone = (float3)(0.0f);
+    if (chosen >= 0) {
+        __global const float *source = sources + chosen * SOURCE;
+        Arrival a = draw_source(SCENE, chosen, p, u, (uint)(u.x * DRAWN));
+        float3 l = local_in(lobe, a.direction);
+        if (a.density > 0.0f && l.z > 0.0f && inner(geometric, a.direction) > 0.0f) {
+            weights_of(lobe, l, unit(lobe.e + l), w, &lobe_pdf, &coat_pdf);
+            float pdf = diffuse_chance * l.z / PI_F + specular_chance * lobe_pdf + coat_chance * coat_pdf;
+            float sampled = a.density * chance;
+            float of = 1.0f / (source[SRC_ALONE] > 0.0f ? sampled : sampled + pdf);
+            for (int k = 0; k < WEIGHTS; k++) w[k] *= of * source[k < DIFFUSE_COLUMNS ? SRC_DIFFUSE : SRC_SPECULAR];
+            shone = throughput * reflected(surface, w) * a.radiance;
+            if (largest(shone) > 0.0f) {
+                store3(start, shadow_origin, i);
+                store3(a.direction, shadow_direction, i);
+                shadow_length[i] = lesser(a.distance * (1.0f - 1e-4f), 1e37f);
+            }
+        }
+    }
+    put3(shone, s, 7);
+
+    ray_length[i] = 0.0f;
+    float x = random(&random_state);
+    u.x = random(&random_state);
+    u.y = random(&random_state);
+    float3 l, h;
+    if (x < specular_chance + coat_chance) {
+        mirrored_by(x < specular_chance ? lobe.alpha : lobe.coat_alpha, lobe.e, u, &l, &h);
+    } else {
+        l = cosine_direction(u);
+        h = unit(lobe.e + l);
+    }
+    if (!(l.z > 0.0f)) return;
+    weights_of(lobe, l, h, w, &lobe_pdf, &coat_pdf);
+    float pdf = diffuse_chance * l.z / PI_F + specular_chance * lobe_pdf + coat_chance * coat_pdf;
+    if (!(pdf > 0.0f)) return;
+    for (int k = 0; k < WEIGHTS; k++) w[k] /= pdf;
+    throughput *= reflected(surface, w);
+    float most = largest(throughput); /* paths that bring little end by chance */
+    if (!(most > 0.0f)) return;
+    if (most < LITTLE) {
+        if (random(&random_state) * LITTLE >= most) return;
+        throughput *= LITTLE / most;
+    }
+    float3 d = world_from(lobe, l);
+    put3(throughput, s, 0);
+    s[3] = lesser(s[3], pdf);
+    s[5] = pdf;
+    s[6] = fold(geometric, &d) ? 1.0f : 0.0f;
+    store3(start, ray_origin, i);
+    store3(d, ray_direction, i);
+    ray_length[i] = 1e37f;
+}
+
+/* blocked (n): whether something is between a surface and the source that was drawn there */
+__kernel void arrive_on_path(
+    const uint count, const int may_follow, SCENE_PARAMETERS, FIELD_PARAMETERS,
+    __global const float *ray_origin, __global const float *ray_direction, __global const float *ray_length,
+    __global const int *triangle, __global const float *u_of, __global const float *v_of, __global const float *distance,
+    __global const float *shadow_length, __global const uchar *blocked, __global const float *state, __global float *arrived,
+    __global uchar *followed)
+{
+    size_t i = get_global_id(0);
+    if (i >= count) return;
+    __global const float *s = state + i * PATH;
+    float3 sum = shadow_length[i] > 0.0f && !blocked[i] ? row3(s, 7) : (float3)(0.0f);
+    followed[i] = 0;
+    if (ray_length[i] > 0.0f) {
+        float3 p = load3(ray_origin, i), d = load3(ray_direction, i);
+        int t = triangle[i];
+        float pdf = s[5];
+        float3 light = lit_along(SCENE, p, d, t, u_of[i], v_of[i], distance[i], pdf, s[6] > 0.0f, 0);
+        if (t >= 0) {
+            int follows = may_follow;
+            light += known_along(SCENE, FIELD, d, t, u_of[i], v_of[i], distance[i], pdf, &follows);
+            followed[i] = follows;
+        }
+        sum += row3(s, 0) * light;
+    }
+    __global float *out = arrived + (size_t)as_uint(s[4]) * 8;
+    put3(row3(out, 3) + sum, out, 3);
+}
+
+/* ── the sum ── */
+
+/* adds a frame to the columns (rows, COLUMNS) of X and Y of sources, of X and Y of surfaces, A, B and coat, and to `moments`
+ * (rows, 2) the luminance that the rows send and its square
+ * arriving (N): mean light at the elements, RAY_MOST of which a ray of a wide lobe may bring */
+__kernel void add_frame(
+    const uint count, __global const uint *rows, const uint first, const int streams, const int sends_diffuse,
+    __global const float *surfaces, __global const float *shadow_length,
+    __global const uchar *blocked, __global const float *shone, __global const float *ray_length, __global const float *drawn_ray,
+    __global const float *arrived, __global const float *arriving, __global float *columns, __global float *moments)
+{
+    size_t i = get_global_id(0);
+    if (i >= count) return;
+    size_t row = rows[first + i];
+    __global const float *surface = surfaces + row * SURFACE;
+    if (surface[MATERIAL] < 0.0f) return;
+    float3 direct[WEIGHTS], soft[2];
+    for (int k = 0; k < WEIGHTS; k++) direct[k] = (float3)(0.0f);
+    soft[0] = soft[1] = (float3)(0.0f);
+    for (int s = 0; s < streams; s++) {
+        size_t at = s * count + i;
+        if (!(shadow_length[at] > 0.0f) || blocked[at]) continue;
+        float3 radiance = row3(shone + at * 8, 5);
+        for (int k = 0; k < WEIGHTS; k++) direct[k] += shone[at * 8 + k] * radiance;
+    }
+    for (int kind = 0; kind < 2; kind++) {
+        size_t at = kind * count + i;
+        if (!(ray_length[at] > 0.0f)) continue;
+        __global const float *ray = drawn_ray + at * DRAWN_RAY;
+        float3 lit = row3(arrived + at * 8, 0), bounced = row3(arrived + at * 8, 3);
+        float brings = bright(bounced) * ray[RAY_MATTE];
+        if (ray[RAY_ELEMENT] >= 0.0f) {
+            float most = RAY_MOST * arriving[(int)ray[RAY_ELEMENT]];
+            if (brings > most) bounced *= most / brings;
+        }
+        if (kind == 1) {
+            for (int k = 0; k < DIFFUSE_COLUMNS; k++) {
+                direct[k] += ray[RAY_WEIGHTS + k] * lit;
+                soft[k] += ray[RAY_WEIGHTS + k] * bounced;
+            }
+        } else {
+            for (int k = DIFFUSE_COLUMNS; k < WEIGHTS; k++) direct[k] += ray[RAY_WEIGHTS + k] * (lit + bounced);
+        }
+    }
+    __global float *out = columns + row * COLUMNS;
+    out[FRAMES] += 1.0f;
+    out[GATHERED] += sends_diffuse ? 1.0f : 0.0f;
+    put3(row3(out, 0) + direct[0], out, 0);
+    put3(row3(out, 3) + direct[1], out, 3);
+    put3(row3(out, 6) + soft[0], out, 6);
+    put3(row3(out, 9) + soft[1], out, 9);
+    for (int k = 2; k < WEIGHTS; k++) put3(row3(out, 6 + 3 * k) + direct[k], out, 6 + 3 * k);
+    float3 d = row3(surface, DIFFUSE), f0 = row3(surface, F_ZERO), f90 = row3(surface, F_NINETY);
+    float l = bright(d * ((1.0f - f0) * (direct[0] + soft[0]) + (1.0f - f90) * (direct[1] + soft[1])) + f0 * direct[2]
+                     + f90 * direct[3] + direct[4]);
+    moments[2 * row] += l;
+    moments[2 * row + 1] += l * l;
+}

@@ -1,0 +1,288 @@
+"""A live picture keeps the laws of light, shows at once what an edit changes, and is the same however it is made."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from kit.live_pictures import SIZE, after, changed, lit_scene, live
+from kit.picture_errors import relative_error
+from kit.scene_pictures import camera_at, ground, matte
+from kit.scene_records import make_scene, quad, sphere
+from reference import lights as closed
+from reference.reflectance import albedo
+
+import usdslf.render.live.gather as gather_module
+import usdslf.render.live.picture as picture_module
+from usdslf.errors import InputError
+from usdslf.gpu.device import Device, Kernel
+from usdslf.progress import Cancelled, hearing
+from usdslf.render.picture import LitScene, PictureOptions, render
+from usdslf.scene.records import Light, Material, Texture, constant
+from usdslf.textures.images import write_image
+
+
+def white_dome() -> Light:
+    return Light("/dome", "dome", (1.0,) * 3, np.eye(4))
+
+
+def above(height: float) -> np.ndarray:
+    """The frame of a light above the origin that shines down."""
+    m = np.eye(4)
+    m[:3, :3] = [[1, 0, 0], [0, 0, 1], [0, -1, 0]]
+    m[1, 3] = height
+    return m
+
+
+@pytest.fixture(scope="module")
+def table(device: Device) -> LitScene:
+    """A glossy ball and a matte one on a dull ground, under a lamp and a dome."""
+    materials = [
+        Material("/ground", diffuse_color=constant(0.5, 0.45, 0.4), roughness=constant(0.8)),
+        Material("/ball", diffuse_color=constant(0.1, 0.2, 0.6), roughness=constant(0.3)),
+        Material("/metal", diffuse_color=constant(0.9, 0.7, 0.3), roughness=constant(0.25), metallic=constant(1.0)),
+    ]
+    lamp = Light("/lamp", "rect", (6.0, 5.0, 4.0), above(2.2), width=0.8, height=0.6)
+    dome = replace(white_dome(), radiance=(0.2, 0.25, 0.3))
+    scene = make_scene(
+        ground(3.0), sphere(0.5, (-0.6, 0.5, 0), material=1), sphere(0.4, (0.5, 0.4, 0.2), material=2),
+        materials=materials, lights=[lamp, dome],
+    )  # fmt: skip
+    return lit_scene(scene, device, 400)
+
+
+CAMERA = camera_at((0, 1.4, 4.2), (0, 0.4, 0))
+
+
+# ── light ────────────────────────────────────────────────────────────────────────────────────────
+
+
+@pytest.mark.parametrize(("roughness", "metallic"), [(0.1, 0.0), (0.6, 0.0), (0.3, 1.0)])
+def test_a_ball_in_a_white_dome_shows_its_albedo(device: Device, roughness: float, metallic: float) -> None:
+    color = np.array([0.8, 0.6, 0.3])
+    material = Material("", diffuse_color=constant(*color), roughness=constant(roughness), metallic=constant(metallic))
+    scene = make_scene(sphere(1.0, rows=32), materials=[material], lights=[white_dome()])
+    picture = live(lit_scene(scene, device, 60), camera_at((0, 0, 5)))
+    shown = after(picture, 64)
+    grid = np.linspace(0.05, 1, 39)
+    x, y, a, b = albedo("preview_surface", roughness, grid, 96).T
+    d, f0, f90 = (0 * color, color, color) if metallic else (color, np.full(3, 0.04), np.ones(3))
+    columns = d[:, None] * ((1 - f0[:, None]) * x + (1 - f90[:, None]) * y) + f0[:, None] * a + f90[:, None] * b
+    middle = shown[SIZE[1] // 2 - 4 : SIZE[1] // 2 + 4, SIZE[0] // 2 - 4 : SIZE[0] // 2 + 4].reshape(-1, 3)
+    np.testing.assert_allclose(middle.mean(0), columns[:, -1], rtol=0.01)
+    np.testing.assert_allclose(shown[0, 0], 1, rtol=1e-5)  # the dome itself
+
+
+@pytest.mark.parametrize("kind", ["disk", "sphere", "distant"])
+def test_ground_below_a_light_is_as_bright_as_the_closed_form(device: Device, kind: str) -> None:
+    """On a surface whose BRDF is d / pi head-on but for Fresnel, which does not matter straight below."""
+    light = Light("/l", kind, (1.0,) * 3, above(30.0), radius=3.0, angle=0.2)
+    expected = {
+        "disk": closed.disk_irradiance(3.0, 30.0, 0.0), "sphere": closed.sphere_irradiance(3.0, 30.0, 1.0),
+        "distant": closed.cone_irradiance(0.1, 1.0),
+    }[kind]  # fmt: skip
+    scene = make_scene(ground(1.0), materials=[matte()], lights=[light])
+    picture = live(lit_scene(scene, device, 60), camera_at((0, 3, 0), focal_length=3000.0), (8, 8))
+    np.testing.assert_allclose(after(picture, 32).mean(), 0.5 / np.pi * expected, rtol=5e-3)
+
+
+LIGHTS = {
+    "rect": dict(kind="rect", width=1.2, height=0.8), "disk": dict(kind="disk", radius=0.5),
+    "sphere": dict(kind="sphere", radius=0.4), "cylinder": dict(kind="cylinder", radius=0.2, length=1.5),
+    "distant": dict(kind="distant", angle=0.5), "parallel": dict(kind="distant"),
+    "point": dict(kind="sphere", radius=0.3, treat_as_point=True),
+    "spot": dict(kind="disk", radius=0.3, cone_angle=30.0, cone_softness=0.5),
+    "focus": dict(kind="rect", width=0.5, height=0.5, focus=8.0, focus_tint=(0.2, 0.0, 0.0)),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", LIGHTS)
+def test_every_light_lights_as_in_the_final_picture(device: Device, name: str) -> None:
+    """Turned, and stretched unevenly: ellipses, ellipsoids, sheared rects."""
+    frame = above(1.6)
+    frame[:3, 0] *= 1.5
+    frame[:3, 1] += 0.3 * frame[:3, 0]
+    light = Light("/l", radiance=(3.0, 2.0, 1.0), world_from_light=frame, **LIGHTS[name])
+    glossy = Material("", diffuse_color=constant(0.5, 0.5, 0.5), roughness=constant(0.4))
+    lit = lit_scene(make_scene(ground(2.0), materials=[glossy], lights=[light]), device, 60)
+    camera, size = camera_at((0.6, 3, 2.5)), (24, 16)
+    final = render(lit, camera, size, options=PictureOptions(samples=256))["color"]
+    shown = after(live(lit, camera, size), 64)
+    assert np.abs(shown - final).mean() < 0.08 * final.mean()  # the final picture blurs the edge of a spot
+    np.testing.assert_allclose(shown.mean((0, 1)), final.mean((0, 1)), rtol=6e-3)
+
+
+def test_many_lights_are_chosen_by_what_they_bring(device: Device) -> None:
+    lights = [Light(f"/l{i}", "disk", (i % 3 + 1.0, 2.0, i % 2 + 1.0), above(1.5), radius=0.2) for i in range(7)]
+    for i, light in enumerate(lights):
+        light.world_from_light[0, 3], light.world_from_light[2, 3] = i - 3, (i % 3) - 1
+    scene = make_scene(ground(4.0), materials=[matte()], lights=[*lights, replace(white_dome(), radiance=(0.1,) * 3)])
+    lit, camera = lit_scene(scene, device, 60), camera_at((0, 5, 5))
+    final = render(lit, camera, SIZE, options=PictureOptions(samples=64))["color"]
+    assert relative_error(after(live(lit, camera), 64), final) < 0.03
+
+
+def test_what_is_seen_through_is_blended_as_in_the_final_picture(device: Device) -> None:
+    pane = Material(
+        "/pane", diffuse_color=constant(0.7, 0.2, 0.1), opacity=constant(0.4), opacity_mode="presence",
+        roughness=constant(0.5),
+    )  # fmt: skip
+    scene = make_scene(
+        ground(3.0), quad((-0.7, 0, 1), (1.2, 0, 0), (0, 1.2, 0), material=1), sphere(0.5, (0, 0.5, 0), material=2),
+        materials=[matte(), pane, matte((0.1, 0.5, 0.2))], lights=[white_dome()],
+    )  # fmt: skip
+    lit = lit_scene(scene, device)
+    final = render(lit, CAMERA, SIZE, options=PictureOptions(samples=64, elements=200))["color"]
+    picture = live(lit, CAMERA)
+    assert relative_error(after(picture, 64), final) < 0.02
+    assert relative_error(after(live(lit, CAMERA), 1), final) > 0.05  # what is behind comes with the second frame
+
+
+# ── edits ────────────────────────────────────────────────────────────────────────────────────────
+
+
+@pytest.fixture
+def checker(tmp_path: Path) -> Texture:
+    y, x = np.indices((16, 16)) // 4
+    write_image(
+        tmp_path / "checker.exr", np.where(((x + y) % 2)[..., None], [0.8, 0.3, 0.1], [0.1, 0.2, 0.5]), half=False
+    )
+    return Texture("/t", str(tmp_path / "checker.exr"), color_space="raw")
+
+
+@pytest.mark.parametrize("inputs", [
+    {"diffuse_color": constant(0.7, 0.1, 0.05)},
+    {"use_specular_workflow": True, "specular_color": constant(0.3, 0.3, 0.2)},
+    {"metallic": constant(1.0)},
+    {"roughness": constant(0.6)},
+    {"clearcoat": constant(1.0), "clearcoat_roughness": constant(0.1)},
+])  # fmt: skip
+def test_an_edit_shows_what_a_picture_of_the_edited_scene_does(table: LitScene, inputs: dict[str, Any]) -> None:
+    """In the first frame no ray is followed, so that other surfaces' colours do not matter."""
+    materials = changed(table, 1, **inputs)
+    picture = live(table, CAMERA)
+    before = after(picture, 1)
+    edited = picture.with_materials(materials)
+    edited.gather_frame(1)
+    shown = edited.now().picture
+    anew = after(live(replace(table, scene=replace(table.scene, materials=materials)), CAMERA), 1)
+    np.testing.assert_allclose(shown, anew, rtol=2e-4, atol=1e-5)
+    assert np.abs(shown - before).max() > 0.02
+    np.testing.assert_array_equal(picture.now().picture, before)  # which does not change
+
+
+def test_what_is_seen_through_is_not_edited(table: LitScene) -> None:
+    with pytest.raises(InputError, match="begin another one"):
+        live(table, CAMERA).with_materials(changed(table, 0, opacity=constant(0.5)))
+
+
+def test_a_change_of_colour_gathers_nothing(table: LitScene, monkeypatch: pytest.MonkeyPatch) -> None:
+    picture = live(table, CAMERA)
+    after(picture, 3)
+
+    def fail(*_: object) -> None:
+        raise AssertionError("light is gathered")
+
+    monkeypatch.setattr(picture_module, "gather_batch", fail)
+    edited = picture.with_materials(changed(table, 0, diffuse_color=constant(0.1, 0.6, 0.2)))
+    assert edited.gather_frame(3)
+    frame = edited.now()
+    assert frame.number == 3 and frame.picture[-4:].mean((0, 1)).argmax() == 1
+
+
+def test_a_change_of_roughness_gathers_the_rows_of_its_material_alone(table: LitScene) -> None:
+    picture = live(table, CAMERA)
+    after(picture, 2)
+    edited = picture.with_materials(changed(table, 1, roughness=constant(0.6)))
+    ball = picture.seen()["material"] == 1
+    assert edited.now().number == 0 and picture.now().number == 2
+    counts = [(len(g.rows.host), g.frames) for g in edited._gathered.groups if g.part == 0]
+    assert sorted(counts) == sorted([(int(ball.sum()), 0), (int((~ball).sum()), 2)])
+    after(edited, 2)
+
+
+def test_textures_on_the_device_show_as_those_on_the_host(
+    table: LitScene, checker: Texture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With a transform and a scale; meshes without coordinates read its fallback place."""
+    texture = replace(
+        checker, st_from_uv=((2.0, 0.5, 0.1), (-0.3, 1.5, 0.2), (0.0, 0.0, 1.0)), scale=(0.9, 1.1, 0.8, 1.0),
+        st_fallback=(0.3, 0.6), wrap_s="mirror",
+    )  # fmt: skip
+    mesh = table.scene.meshes[0]
+    textured = replace(mesh, uvs={"st": (mesh.positions[mesh.triangles][..., ::2] / 3).astype(np.float32)})
+    scene = replace(
+        table.scene, meshes=(textured, *table.scene.meshes[1:]),
+        materials=changed(table, 0, diffuse_color=texture, roughness=replace(texture, channels="g")),
+    )  # fmt: skip
+    here = replace(table, scene=scene)
+    on_device = after(live(here, CAMERA), 1)
+    monkeypatch.setattr("usdslf.render.live.materials.TEXEL_BYTES", 0)
+    on_host = after(live(here, CAMERA), 1)
+    np.testing.assert_allclose(on_device, on_host, rtol=1e-3, atol=1e-4)
+    assert np.ptp(on_device[-8:].mean(-1)) > 0.05  # the checker is seen
+
+
+# ── frames ───────────────────────────────────────────────────────────────────────────────────────
+
+
+def test_a_frame_that_is_cancelled_goes_on_where_it_was(table: LitScene, monkeypatch: pytest.MonkeyPatch) -> None:
+    for module in (gather_module, picture_module):
+        monkeypatch.setattr(module, "BATCH", 256)
+    whole, broken = live(table, CAMERA), live(table, CAMERA)
+    expected = after(whole, 3)
+    told = 0
+
+    def cancel(_: object) -> None:
+        nonlocal told
+        told += 1
+        if told % 5 == 0:
+            raise Cancelled
+
+    frames = 0
+    while frames < 3:
+        with hearing(cancel):
+            try:
+                broken.gather_frame(frames + 1)
+                frames += 1
+            except Cancelled:
+                broken.now()  # is there at any time
+    assert told > 15
+    np.testing.assert_allclose(broken.now().picture, expected, rtol=1e-5, atol=1e-7)
+
+
+def test_pictures_do_not_depend_on_the_size_of_work_groups(table: LitScene, monkeypatch: pytest.MonkeyPatch) -> None:
+    expected = after(live(table, CAMERA), 3)
+    call = Kernel.__call__
+
+    def in_groups_of_16(kernel: Kernel, size: tuple, local: tuple | None, *args: Any) -> None:
+        call(kernel, size, (16,) if local == (64,) else local, *args)
+
+    monkeypatch.setattr(Kernel, "__call__", in_groups_of_16)
+    np.testing.assert_array_equal(after(live(table, CAMERA), 3), expected)
+
+
+def test_frames_get_better_and_say_so(table: LitScene) -> None:
+    frames = list(live(table, CAMERA).frames(16))
+    assert [f.number for f in frames] == list(range(1, 17))
+    errors = [f.error for f in frames[1:]]
+    assert errors[-1] < 0.5 * errors[0]
+    assert np.isinf(frames[0].error)
+    rest = live(table, CAMERA)
+    assert next(rest.frames(16)).number == 1
+    assert next(rest.frames(16)).number == 2  # what was gathered stays
+
+
+def test_another_camera_and_size_share_the_scene(table: LitScene) -> None:
+    picture = live(table, CAMERA)
+    half = picture.seen_by(CAMERA, (24, 16))
+    shown = after(half, 8)
+    assert shown.shape == (16, 24, 3)
+    whole = after(picture, 8).reshape(16, 2, 24, 2, 3).mean((1, 3))
+    assert relative_error(shown, whole, 3) < 0.06
+    seen = picture.seen()
+    assert set(np.unique(seen["material"])) == {-1, 0, 1, 2}
+    assert np.isinf(seen["distance"][seen["material"] < 0]).all()

@@ -1,0 +1,139 @@
+"""Light columns of the rows of a view, frame by frame: the host's part of kernels/live_gather.cl."""
+
+from __future__ import annotations
+
+import threading
+from typing import Any
+
+import numpy as np
+
+from usdslf.gpu.shared import Shared
+from usdslf.render.gather import MAX_DEPTH
+from usdslf.render.guide import SHARE
+from usdslf.render.live import records as r
+from usdslf.render.live.closer import counting
+from usdslf.render.live.scene import GROUP, Geometry, Hits, LiveScene, Shadows, groups
+from usdslf.render.live.view import Rows
+from usdslf.sampling.low_discrepancy import random_shifts, sobol_points
+
+SHARED_FRAMES = 4  # in which all tiles draw the same numbers, so that filtered light has no noise
+BATCH = 1 << 16  # rows that are gathered at once
+
+
+class Columns:
+    """Sums of the light columns of some rows, on the device."""
+
+    def __init__(self, geometry: Geometry, count: int) -> None:
+        device = geometry.device
+        self.sums_d = device.zeros((max(count, 1), r.COLUMNS), np.float32)
+        self.moments = Shared(device, (max(count, 1), 2), np.float32)
+
+
+class GatherRoom:
+    """Room for gathering a batch of rows, and the numbers that frames are drawn by."""
+
+    def __init__(self, geometry: Geometry) -> None:
+        """Makes room for BATCH rows and their rays."""
+        device, streams = geometry.device, geometry.sources.streams
+        self.lock = threading.RLock()  # of all that works with it
+        self._device, self._streams = device, streams
+        make = lambda shape, dtype=np.float32: Shared(device, shape, dtype)  # noqa: E731
+        self.lobes, self.paths = Hits(device, 2 * BATCH), Hits(device, 2 * BATCH)
+        self.to_sources, self.path_shadows = Shadows(device, max(streams, 1) * BATCH), Shadows(device, 2 * BATCH)
+        self.shone, self.drawn = make((max(streams, 1) * BATCH, 8)), make((2 * BATCH, r.DRAWN_RAY))
+        self.arrived, self.surface = make((2 * BATCH, 8)), make((2 * BATCH, r.SURFACE))
+        self.state, self.path_state = make((2 * BATCH, r.PATH)), make((2 * BATCH, r.PATH))
+        self.more_paths, self.more_state = Hits(device, 2 * BATCH), make((2 * BATCH, r.PATH))
+        self.followed, self.who = make((2 * BATCH,), np.uint8), make((2 * BATCH,), np.int32)
+        self.all = counting(device, 2 * BATCH)
+        self._numbers: tuple[int, Any] = (-1, None)
+
+    def numbers(self, turn: int) -> Any:
+        """Returns numbers (streams + 2, SET, 4) of [0, 1) for as many frames as a set has members."""
+        if self._numbers[0] != turn:
+            rng = np.random.default_rng((20130, turn))
+            streams = self._streams + 2
+            u = sobol_points(0, r.SET, random_shifts(2 * streams, rng)).reshape(streams, 2, r.SET, 2)
+            # the second pair in another order than the first, so that the two have nothing in common
+            u[:, 1] = np.stack([pair[rng.permutation(r.SET)] for pair in u[:, 1]])
+            both = np.concatenate([u[:, 0], u[:, 1]], -1).astype(np.float32)
+            self._numbers = turn, self._device.upload(np.minimum(both, np.float32(1 - 2**-24)))
+        return self._numbers[1]
+
+
+def gather_batch(
+    scene: LiveScene, room: GatherRoom, part: Rows, columns: Columns, rows: Shared, first: int, frame: int
+) -> None:
+    """Adds a frame to the columns of BATCH rows of a part, at most.
+
+    Args:
+        rows: of the part, of which those from `first` on are meant.
+        frame: number; the first one follows no rays, and sends none of the diffuse lobe where nothing needs it.
+    """
+    g = scene.geometry
+    count = min(BATCH, len(rows.host) - first)
+    turn, streams = frame // r.SET, g.sources.streams
+    sends_diffuse = np.int32(frame > 0 or g.sources.has_even_dome)
+    shared, field = scene.arguments(), scene.light.arguments(g.tables)
+    lobes, n = room.lobes, np.uint32(count)
+    g.kernel("live_gather", "draw_first")(
+        groups(count), (GROUP,), n, rows, np.uint32(first), np.uint32(frame % r.SET), np.uint32(turn % r.ROUNDS),
+        np.int32(frame < SHARED_FRAMES), sends_diffuse, part.surface, part.place, room.numbers(turn), *shared,
+        scene.light.guide_d, g.tables.frames_d, np.float32(SHARE), *room.to_sources.arguments, room.shone,
+        lobes.origin, lobes.direction, lobes.length, room.drawn,
+    )  # fmt: skip
+    if streams:
+        room.to_sources.trace(g.tracer, streams * count)
+    sent = 2 * count if sends_diffuse else count
+    lobes.trace(g.tracer, sent)
+    follows = np.int32(frame > 0)
+    g.kernel("live_gather", "arrive_first")(
+        groups(sent), (GROUP,), np.uint32(sent), follows, *shared, *field, lobes.origin, lobes.direction, lobes.length,
+        lobes.triangle, lobes.u, lobes.v, lobes.distance, room.drawn, room.arrived, room.state, room.followed,
+    )  # fmt: skip
+    if follows:
+        _follow(scene, room, sent, frame)
+    g.kernel("live_gather", "add_frame")(
+        groups(count), (GROUP,), n, rows, np.uint32(first), np.int32(streams), sends_diffuse, part.surface,
+        room.to_sources.length, room.to_sources.blocked, room.shone, lobes.length, room.drawn, room.arrived,
+        scene.light.arriving_d, columns.sums_d, columns.moments,
+    )  # fmt: skip
+    g.device.finish()
+
+
+def _follow(scene: LiveScene, room: GatherRoom, sent: int, frame: int) -> None:
+    """Follows rays of the first surfaces that the light field has no good answer for."""
+    g = scene.geometry
+    shared, field = scene.arguments(), scene.light.arguments(g.tables)
+    source, state, count = room.lobes, room.state, sent
+    spare, spare_state = room.paths, room.path_state
+    for depth in range(1, MAX_DEPTH + 1):
+        room.followed.pull()
+        who = np.flatnonzero(room.followed.host[:count])
+        count = len(who)
+        if not count:
+            return
+        room.who.host[:count] = who
+        room.who.push()
+        n = np.uint32(count)
+        g.kernel("live_gather", "gather_paths")(
+            groups(count), (GROUP,), n, room.who, source.direction, source.triangle, source.u, source.v, state,
+            spare.direction, spare.triangle, spare.u, spare.v, spare_state, spare.least_roughness,
+        )  # fmt: skip
+        scene.evaluate(spare, room.all, count, room.surface)
+        shadows = room.path_shadows
+        g.kernel("live_gather", "scatter")(
+            groups(count), (GROUP,), n, np.uint32((frame * 8 + depth) * 7919), room.surface, *shared, spare_state,
+            *shadows.arguments, spare.origin, spare.direction, spare.length,
+        )  # fmt: skip
+        shadows.trace(g.tracer, count)
+        spare.trace(g.tracer, count)
+        g.kernel("live_gather", "arrive_on_path")(
+            groups(count), (GROUP,), n, np.int32(depth < MAX_DEPTH), *shared, *field, spare.origin, spare.direction,
+            spare.length, spare.triangle, spare.u, spare.v, spare.distance, shadows.length, shadows.blocked,
+            spare_state, room.arrived, room.followed,
+        )  # fmt: skip
+        if depth == 1:  # the rays of the first surfaces are done with; their lengths and weights are kept apart
+            source, state, spare, spare_state = spare, spare_state, room.more_paths, room.more_state
+        else:
+            source, state, spare, spare_state = spare, spare_state, source, state

@@ -1,0 +1,60 @@
+"""Where things stand in the rows that host and kernels share, as build constants of kernels/live_*.cl."""
+
+from __future__ import annotations
+
+from usdslf.rays import ULPS
+from usdslf.render.filter import FLAT_SHARE, NORMAL_COSINE, WIDEST
+from usdslf.render.gather import BRIGHT, CAUSTIC_ROUGHNESS, RAY_MOST, SHARP_PDF, UNEVEN, WIDE_PDF
+from usdslf.render.lobes import MIN_ALPHA
+from usdslf.render.wide_field import BLOCK
+
+SURFACE = 32  # floats of a surface: two cache lines
+POSITION, ALPHA, NORMAL, COAT_ALPHA, GEOMETRIC, COAT, VIEW, COAT_F_ZERO = 0, 3, 4, 7, 8, 11, 12, 15
+DIFFUSE, LIFT, F_ZERO, MATERIAL, F_NINETY, ELEMENT, EMISSION, COVER = 16, 19, 20, 23, 24, 27, 28, 31
+"""COVER: opacity, negative where all of the outgoing radiance is scaled by it; MATERIAL: -1, nothing is seen."""
+
+INPUTS = 17  # of a material, as floats
+IN_DIFFUSE, IN_SPECULAR, IN_EMISSION, IN_METALLIC, IN_ROUGHNESS = 0, 3, 6, 9, 10
+IN_COAT, IN_COAT_ROUGHNESS, IN_IOR, IN_OPACITY = 11, 12, 13, 14
+MAT = 26  # floats of a material: inputs, then these
+MAT_THRESHOLD, MAT_WORKFLOW, MAT_PRESENCE, MAT_FIRST, MAT_COUNT, MAT_NORMAL, MAT_GLOWS = 18, 19, 20, 21, 22, 23, 24
+
+REF = 26  # floats of a reference to a texture
+REF_INPUT, REF_SIZE, REF_CHANNEL, REF_SET, REF_MATRIX, REF_SCALE, REF_BIAS = 0, 1, 2, 3, 4, 10, 14
+REF_WRAP, REF_IMAGE, REF_FALLBACK = 18, 20, 22
+
+SOURCE = 64  # floats of a source of light
+SRC_KIND, SRC_RADIANCE, SRC_LINEAR, SRC_INVERSE, SRC_CENTER, SRC_SIZE, SRC_VOLUME = 0, 1, 4, 13, 22, 25, 27
+SRC_AXIS, SRC_DIFFUSE, SRC_SPECULAR, SRC_ALONE, SRC_SAMPLED, SRC_POWER, SRC_SHAPING = 28, 31, 32, 33, 34, 35, 37
+SRC_CONE, SRC_FOCUS, SRC_TINT, SRC_PICTURE, SRC_TABLE, SRC_DRAWN, SRC_REACH, SRC_WIDE = 38, 40, 41, 44, 47, 49, 50, 51
+
+SET = 64  # numbers that the pixels of a tile of 8 x 8 share
+ROUNDS = 64  # sets of directions of each dome, one for so many frames as a set has numbers
+DRAWN = SET * ROUNDS
+PATH = 12  # floats of a path's state
+DRAWN_RAY = 10  # floats of a ray of a lobe; its density is with the guide, that of the lobe without
+RAY_PDF, RAY_WEIGHTS, RAY_FOLDED, RAY_ELEMENT, RAY_MATTE, RAY_LOBE_PDF = 0, 1, 6, 7, 8, 9
+COLUMNS = 24  # floats of a row's light: X, Y of sources, X, Y of surfaces, A, B, coat
+FRAMES, GATHERED = 21, 22  # frames of the columns; those that sent a ray of the diffuse lobe
+GUIDE = 16  # floats of what neighbours are compared by
+LIGHT = 16  # the same, as they are shown: X, Y, A, B, coat
+FRESNEL_COSINES = 64  # cosines of the eye for which the share of the column Y is known
+FILTERED_FRAMES = 4  # from which on the filter is faded out, until each pixel has had a whole set
+KNOWN_FRAMES = 4.0  # of gathered diffuse light, that the elements' light counts as
+EDGE_COSINE = 0.9  # between normals of neighbours, below which there is an edge
+DIFFUSE_COLUMNS = 2  # X and Y come first
+LITTLE = 0.05  # throughput of paths below which they end by chance
+WIDE_SIDE = 64  # of the octahedral table of a dome's wide radiance
+
+_FLOATS = {
+    "MIN_ALPHA": MIN_ALPHA, "OFFSET": ULPS * 2**-23, "WIDE_PDF": WIDE_PDF, "SHARP_PDF": SHARP_PDF,
+    "CAUSTIC_ROUGHNESS": CAUSTIC_ROUGHNESS, "RAY_MOST": RAY_MOST, "UNEVEN": UNEVEN, "BRIGHT": BRIGHT, "LITTLE": LITTLE,
+    "KNOWN_FRAMES": KNOWN_FRAMES, "EDGE_COSINE": EDGE_COSINE, "NORMAL_COSINE": NORMAL_COSINE, "LOBE_WIDTH": FLAT_SHARE,
+    "WIDEST": WIDEST,
+}  # fmt: skip
+CONSTANTS: dict[str, object] = {
+    **{name: value for name, value in list(globals().items()) if name.isupper() and isinstance(value, int)},
+    "BLOCK": BLOCK,
+    **{name: f"{value}f" for name, value in _FLOATS.items()},
+}
+"""Build constants of all kernels of the live picture."""

@@ -1,0 +1,221 @@
+"""A scene with its light on the device, as the kernels of the live picture take it, and surfaces at hits."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usdslf.elements.lookup import DeviceLookup
+from usdslf.gpu.device import Device, Kernel
+from usdslf.gpu.shared import Shared
+from usdslf.light_field.light_field import LightField
+from usdslf.lights.sources import LightSet
+from usdslf.rays import RayTracer
+from usdslf.render.gather import FOOTPRINT
+from usdslf.render.guide import LightGuide
+from usdslf.render.live import records as r
+from usdslf.render.live.materials import MaterialTable, TexturePool
+from usdslf.render.live.sources import SourceTable
+from usdslf.render.lobes import ShadingPoints, shading_points
+from usdslf.render.wide_field import WideField
+from usdslf.scene.records import F32, Scene
+from usdslf.surfaces.reflectance import directional_albedo, lobe_parameter, model_of
+from usdslf.surfaces.surface_points import evaluate_surface
+
+GROUP = 64
+
+
+def groups(count: int) -> tuple[int]:
+    """Returns the global size of a launch of at least `count` work-items."""
+    return (-(-count // GROUP) * GROUP,)
+
+
+@dataclass(frozen=True)
+class Geometry:
+    """Triangles, textures and sources on the device: what no edit changes."""
+
+    device: Device
+    tracer: RayTracer
+    scene: Scene
+    lights: LightSet
+    sources: SourceTable
+    pool: TexturePool
+    model: str
+    normals_d: Any  # (T, 3, 3)
+    material_d: Any  # (T,)
+    extent_d: Any  # (T,)
+    tables: DeviceLookup
+
+    @staticmethod
+    def of(device: Device, scene: Scene, tracer: RayTracer, lights: LightSet, field: LightField) -> Geometry:
+        """Uploads a scene."""
+        up, t = device.upload, scene.triangles
+        return Geometry(
+            device, tracer, scene, lights, SourceTable.of(device, lights), TexturePool.of(device, scene), field.model,
+            up(np.asarray(t.normals, np.float32)), up(np.asarray(t.material, np.int32)),
+            up(np.asarray(tracer.extent, np.float32)), field.lookup_d,
+        )  # fmt: skip
+
+    def kernel(self, stem: str, name: str) -> Kernel:
+        """Returns a kernel of the live picture, built for its model."""
+        constants = {**r.CONSTANTS, **model_of(self.model).constants}
+        return self.device.kernel(stem, name, **constants)
+
+
+@dataclass(frozen=True)
+class SentLight:
+    """A light field as rays of a live picture read it: the light that surfaces send out now."""
+
+    field: LightField
+    mean_d: Any  # (N, blocks, 3)
+    arriving_d: Any  # (N,) mean luminance that arrives there
+    guide_d: Any  # (N, blocks) cumulative chances of where it comes from
+    soft_d: Any  # (N, 3) indirect irradiance over pi
+    usual: float  # mean luminance
+    footprint: float  # area that a ray's footprint must cover to be answered by it
+
+    @staticmethod
+    def of(geometry: Geometry, field: LightField) -> SentLight:
+        """Sums a light field up, as it is now."""
+        device, n = geometry.device, len(field.elements)
+        wide = WideField(device, field)
+        guide = LightGuide(device, field, wide.mean_d, geometry.lights)
+        soft_d = device.empty((n, 3), np.float32)
+        device.kernel("live_field", "soft_irradiance")(
+            groups(n), (GROUP,), np.uint32(n), field.hit_d, field.outgoing_d, field.emission_d, field.cosine_d, soft_d
+        )
+        mean = device.download(wide.mean_d).mean((0, 1)) @ np.array([0.2126, 0.7152, 0.0722])
+        area = float(geometry.scene.triangles.areas.sum()) / n
+        return SentLight(
+            field, wide.mean_d, device.upload(guide.arriving), guide.cumulative_d, soft_d, float(mean), FOOTPRINT * area
+        )
+
+    def arguments(self, tables: DeviceLookup) -> tuple[Any, ...]:
+        """FIELD_PARAMETERS of kernels/live_gather.cl."""
+        return (
+            tables.cells_of_triangle_d, tables.entry_of_cell_d, tables.cell_count, tables.elements_of_entry_d,
+            tables.position_d, tables.frames_d, self.field.outgoing_d, self.mean_d, np.int32(1), np.float32(self.usual),
+            np.float32(self.footprint),
+        )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class LiveScene:
+    """Geometry under some materials and the light that they send."""
+
+    geometry: Geometry
+    materials: MaterialTable
+    light: SentLight
+
+    def arguments(self) -> tuple[Any, ...]:
+        """SCENE_PARAMETERS of kernels/live_sources.cl."""
+        g, m = self.geometry, self.materials
+        return (
+            np.uint32(len(g.scene.triangles.mesh)), g.tables.corners_d, g.tables.face_normal_d, g.material_d, m.rows_d,
+            m.refs_d, *m.pool, *g.sources.arrays,
+        )  # fmt: skip
+
+    def evaluate(self, hits: Hits, rows: Shared, count: int, surface: Shared) -> None:
+        """Makes surfaces, rows of (., SURFACE), of what rays met, as seen along the rays.
+
+        Args:
+            rows: the first `count` of them are done.
+        """
+        g, m, t = self.geometry, self.materials, self.geometry.tables
+        g.kernel("live_surfaces", "surfaces_at_hits")(
+            groups(count), (GROUP,), np.uint32(count), rows, hits.triangle, hits.u, hits.v, hits.direction,
+            hits.least_roughness,
+            np.uint32(len(g.scene.triangles.mesh)), t.corners_d, g.normals_d, t.face_normal_d, g.material_d, g.extent_d,
+            m.rows_d, m.refs_d, *m.pool, t.cells_of_triangle_d, t.entry_of_cell_d, t.cell_count, t.elements_of_entry_d,
+            np.uint32(len(self.light.field.elements)), surface,
+        )  # fmt: skip
+        if m.on_host.any():
+            surface.pull()
+            some = rows.host[:count]
+            material = surface.host[some, r.MATERIAL].astype(np.intp)
+            some = some[(material >= 0) & m.on_host[material]]
+            if len(some):
+                barycentric = np.stack([hits.u.host[some], hits.v.host[some]], 1)
+                least = hits.least_roughness.host[some]
+                surface.host[some] = self._on_host(
+                    hits.triangle.host[some], barycentric, hits.direction.host[some], least, surface.host[some]
+                )
+                surface.push()
+
+    def _on_host(self, triangle: NDArray, barycentric: NDArray, direction: F32, least: F32, rows: F32) -> F32:
+        """Surface rows (n, SURFACE) by the host's own rules, over rows of the kernel's."""
+        g = self.geometry
+        scene = replace(g.scene, materials=self.materials.materials)
+        points = evaluate_surface(scene, triangle, barycentric)
+        points = replace(points, roughness=np.maximum(points.roughness, least))
+        shaded = shading_points(points, -direction, g.tracer, model=g.model)
+        out = rows.copy()
+        _put(out, shaded)
+        out[:, r.EMISSION : r.EMISSION + 3] = points.emission
+        scales = (points.presence < 1) | (points.presence == points.opacity)
+        out[:, r.COVER] = np.where(scales & (points.opacity < 1), -points.opacity, points.opacity)
+        return out
+
+
+def _put(out: F32, p: ShadingPoints) -> None:
+    out[:, r.POSITION : r.POSITION + 3] = p.position
+    out[:, r.NORMAL : r.NORMAL + 3], out[:, r.GEOMETRIC : r.GEOMETRIC + 3] = p.normal, p.geometric_normal
+    out[:, r.ALPHA], out[:, r.COAT_ALPHA] = p.lobes[:, 0], p.lobes[:, 1]
+    out[:, r.COAT], out[:, r.COAT_F_ZERO] = p.coat.T
+    out[:, r.DIFFUSE : r.DIFFUSE + 3] = p.colors[:, :3]
+    out[:, r.F_ZERO : r.F_ZERO + 3], out[:, r.F_NINETY : r.F_NINETY + 3] = p.colors[:, 3:6], p.colors[:, 6:]
+
+
+def fresnel_shares(model: str) -> F32:
+    """Returns the share (FRESNEL_COSINES,) of the column Y in even light by the eye's cosine; 1 where Y is all."""
+    if not model_of(model).has_fresnel:
+        return np.ones(r.FRESNEL_COSINES, np.float32)
+    cosine = np.maximum(np.linspace(0, 1, r.FRESNEL_COSINES), 1e-3)
+    return directional_albedo(model, float(lobe_parameter(model, 0.5)), cosine)[:, 1].astype(np.float32)
+
+
+class Hits:
+    """Room for rays and the first surfaces that they meet."""
+
+    def __init__(self, device: Device, count: int) -> None:
+        make = lambda shape, dtype=np.float32: Shared(device, shape, dtype)  # noqa: E731
+        self.origin, self.direction, self.length = make((count, 3)), make((count, 3)), make((count,))
+        self.triangle, self.u, self.v = make((count,), np.int32), make((count,)), make((count,))
+        self.distance, self.least_roughness = make((count,)), make((count,))
+
+    def trace(self, tracer: RayTracer, count: int, stop_at_translucent: bool = False) -> None:
+        """Finds what the first rays meet; rays of length 0 meet nothing."""
+        rays, found = (self.origin, self.direction, self.length), (self.triangle, self.u, self.v, self.distance)
+        for a in rays:
+            a.pull()
+        origin, direction, length = (a.host[:count] for a in rays)
+        triangle, u, v, distance = (a.host[:count] for a in found)
+        tracer.intersect_into((origin, direction, length), (triangle, u, v, distance), stop_at_translucent)
+        for a in found:
+            a.push()
+
+
+class Shadows:
+    """Room for rays towards sources."""
+
+    def __init__(self, device: Device, count: int) -> None:
+        make = lambda shape, dtype=np.float32: Shared(device, shape, dtype)  # noqa: E731
+        self.origin, self.direction, self.length = make((count, 3)), make((count, 3)), make((count,))
+        self.blocked = make((count,), np.uint8)
+
+    def trace(self, tracer: RayTracer, count: int) -> None:
+        """Finds which of the first rays something is in the way of."""
+        rays = self.origin, self.direction, self.length
+        for a in rays:
+            a.pull()
+        origin, direction, length = (a.host[:count] for a in rays)
+        tracer.occluded_into((origin, direction, length), self.blocked.host[:count])
+        self.blocked.push()
+
+    @property
+    def arguments(self) -> tuple[Shared, Shared, Shared]:
+        """Origins, directions, lengths."""
+        return self.origin, self.direction, self.length

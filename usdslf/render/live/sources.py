@@ -1,0 +1,138 @@
+"""All that shines on the device, for kernels/live_sources.cl."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usdslf.gpu.device import Device
+from usdslf.lights.sampling import is_delta, light_frame, light_picture, shaping_of
+from usdslf.lights.sources import DomeSource, LightSet, LightSource
+from usdslf.render.gather import MIRRORED_ANGLE
+from usdslf.render.live import records as r
+from usdslf.sampling.low_discrepancy import random_shifts, sobol_points
+from usdslf.scene.records import F32
+
+KINDS = {"rect": 0, "disk": 1, "sphere": 2, "cylinder": 3, "distant": 4, "point": 5, "dome": 6, "glowing": 7}
+EACH = 4  # sources up to this number get a ray each; of more, STREAMS are chosen by what they bring
+STREAMS = 2
+
+
+@dataclass(frozen=True)
+class SourceTable:
+    """Sources on the device, in the order of `LightSet.sources`."""
+
+    streams: int  # rays towards sources of each row
+    has_even_dome: bool  # only rays of the lobes find it
+    arrays: tuple[Any, ...]  # as SCENE_PARAMETERS takes them from `source_count` on
+
+    @staticmethod
+    def of(device: Device, lights: LightSet) -> SourceTable:
+        """Uploads what shines."""
+        rows = np.zeros((max(len(lights.sources), 1), r.SOURCE), np.float32)
+        rows[:, r.SRC_KIND], rows[:, r.SRC_ALONE] = KINDS["point"], 1
+        store = _Store([], [], [])
+        for row, source in zip(rows, lights.sources):
+            row[r.SRC_DIFFUSE], row[r.SRC_SPECULAR] = source.diffuse, source.specular
+            row[r.SRC_ALONE] = source.is_delta or source.is_split
+            row[r.SRC_SAMPLED] = not source.is_met_only
+            row[r.SRC_PICTURE], row[r.SRC_WIDE] = -1, -1
+            if isinstance(source, LightSource):
+                _fill_light(row, source, store)
+            elif isinstance(source, DomeSource):
+                _fill_dome(row, source, store)
+        glow = lights.emissive
+        if len(glow.triangle):
+            rows[-1, r.SRC_KIND] = KINDS["glowing"]
+            rows[-1, r.SRC_CENTER : r.SRC_CENTER + 3] = glow.center
+            rows[-1, r.SRC_POWER : r.SRC_POWER + 2] = glow.flux, glow.size2
+        join = lambda parts, empty: np.concatenate(parts) if parts else empty  # noqa: E731
+        up = device.upload
+        count = len(lights.sources)
+        streams = count if count <= EACH else STREAMS
+        return SourceTable(
+            streams, any(d.is_met_only for d in lights.domes),
+            (
+                np.int32(count), np.int32(streams), up(rows), up(join(store.pictures, np.zeros((1, 4), np.float32))),
+                up(join(store.tables, np.zeros(1, np.float32))), up(join(store.drawn, np.zeros((1, 8), np.float32))),
+                np.int32(len(glow.triangle)), up(glow.triangle), up(glow.cumulative.astype(np.float32)),
+                up(glow.pdf_area),
+            ),
+        )  # fmt: skip
+
+
+@dataclass
+class _Store:
+    pictures: list[F32]  # (n, 4)
+    tables: list[F32]
+    drawn: list[F32]  # (DRAWN, 8)
+
+    def picture(self, pixels: NDArray) -> int:
+        """Keeps pixels (n, 3); returns the number of the first."""
+        first = sum(len(p) for p in self.pictures)
+        self.pictures.append(np.concatenate([pixels, np.ones((len(pixels), 1))], 1).astype(np.float32))
+        return first
+
+
+def _fill_light(row: NDArray, source: LightSource, store: _Store) -> None:
+    light = source.light
+    delta = is_delta(light)
+    kind = "point" if delta and light.kind == "sphere" else light.kind
+    row[r.SRC_KIND] = KINDS[kind]
+    row[r.SRC_RADIANCE : r.SRC_RADIANCE + 3] = light.radiance
+    row[r.SRC_POWER], row[r.SRC_POWER + 1] = source.guess
+    row[r.SRC_REACH] = source.reach
+    axis, cone, focus = shaping_of(light)
+    row[r.SRC_AXIS : r.SRC_AXIS + 3] = axis
+    row[r.SRC_CONE : r.SRC_CONE + 2] = cone or (-1, -1)
+    row[r.SRC_FOCUS], row[r.SRC_TINT : r.SRC_TINT + 3] = focus, light.focus_tint
+    row[r.SRC_SHAPING] = cone is not None or focus > 0
+    if kind == "distant":
+        row[r.SRC_SIZE] = 0 if delta else 2 * np.sin(min(light.angle, 2 * np.pi) / 4) ** 2
+        if delta and light.angle > 0:
+            row[r.SRC_RADIANCE : r.SRC_RADIANCE + 3] *= np.pi * np.sin(light.angle / 2) ** 2
+        return
+    row[r.SRC_CENTER : r.SRC_CENTER + 3] = light.world_from_light[:3, 3]
+    if kind == "point":
+        m = np.asarray(light.world_from_light, np.float64)[:3, :3]
+        volume = abs(float(np.linalg.det(m)))
+        row[r.SRC_VOLUME], row[r.SRC_SIZE] = volume, light.radius
+        if volume > 0:
+            row[r.SRC_INVERSE : r.SRC_INVERSE + 9] = np.linalg.inv(m).ravel()
+        return
+    frame = light_frame(light)
+    if frame is None:  # without area
+        row[r.SRC_SAMPLED], row[r.SRC_KIND], row[r.SRC_ALONE] = 0, KINDS["point"], 1
+        return
+    row[r.SRC_LINEAR : r.SRC_LINEAR + 9], row[r.SRC_INVERSE : r.SRC_INVERSE + 9] = (
+        frame.linear.ravel(),
+        frame.inverse.ravel(),
+    )
+    row[r.SRC_SIZE : r.SRC_SIZE + len(frame.size)] = frame.size
+    row[r.SRC_VOLUME] = frame.volume
+    if light.kind == "rect" and light.texture:
+        pixels = light_picture(light.texture)
+        row[r.SRC_PICTURE] = store.picture(pixels.reshape(-1, 3))
+        row[r.SRC_PICTURE + 1 : r.SRC_PICTURE + 3] = pixels.shape[1], pixels.shape[0]
+
+
+def _fill_dome(row: NDArray, source: DomeSource, store: _Store) -> None:
+    dome = source.dome
+    row[r.SRC_KIND] = KINDS["dome"]
+    row[r.SRC_INVERSE : r.SRC_INVERSE + 9] = dome.world_from_light.T.ravel()
+    row[r.SRC_POWER], row[r.SRC_POWER + 1] = source.irradiance, -1
+    height, width = dome.pixels.shape[:2]
+    row[r.SRC_PICTURE] = store.picture(dome.pixels.reshape(-1, 3))
+    row[r.SRC_PICTURE + 1 : r.SRC_PICTURE + 3] = width, height
+    if height * width > 1:
+        row[r.SRC_WIDE] = store.picture(dome.table(MIRRORED_ANGLE, r.WIDE_SIDE))
+    rows, columns, density = dome.density_table()
+    row[r.SRC_TABLE], row[r.SRC_TABLE + 1] = sum(len(t) for t in store.tables), density.shape[1]
+    store.tables.append(np.concatenate([rows, columns, density.ravel()]).astype(np.float32))
+    u = sobol_points(0, r.SET, random_shifts(r.ROUNDS, np.random.default_rng(7))).reshape(-1, 2)
+    direction, radiance, pdf = dome.sample(u)
+    row[r.SRC_DRAWN] = len(store.drawn)
+    store.drawn.append(np.concatenate([direction, pdf[:, None], radiance, 0 * pdf[:, None]], 1).astype(np.float32))
