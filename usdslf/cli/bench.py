@@ -20,6 +20,7 @@ import numpy as np
 
 from usdslf.animation.frames import PlacedFrame, carry
 from usdslf.cache import switched
+from usdslf.cli.bench_live import live_steps
 from usdslf.gallery import still_life
 from usdslf.gallery.play import Play
 from usdslf.gpu.device import Device
@@ -80,6 +81,7 @@ def measure(device: str | None, ocio: str | None, elements: int, say: Say) -> di
         _row(f"stylize, rounds: {rounds}", styling, f"{levels:g} bounces", levels * bounce[0]),
         _row("its look, read back", session.seconds["author"] - cold["author"]),
         _row(f"picture {SIZE[0]} x {SIZE[1]}", picture, paper=75),
+        *(_row(*timed) for timed in live_steps(session, session.camera(play.shot.view_path()), SIZE)),
     ]
     return {
         "device": session.device.name,
@@ -198,13 +200,13 @@ def _peak_memory() -> int:
 def lines_of_table(found: Mapping[str, Any]) -> Iterator[str]:
     """Yields the table that people read."""
     yield f"{found['device']}: {found['elements']} elements x {found['directions']} directions"
-    yield f"{'step':<29}{'ms':>9}{'limit ms':>10}{'ratio':>7}{'MB':>8}{'paper ms':>10}  limit"
+    yield f"{'step':<31}{'ms':>9}{'limit ms':>10}{'ratio':>7}{'MB':>8}{'paper ms':>10}  limit"
     for row in found["rows"]:
         limit = f"{row['limit_seconds'] * 1000:.0f}" if row["limit_seconds"] else ""
         ratio = f"{row['ratio']:.2f}" if row["ratio"] else ""
         size = f"{row['bytes'] / 1e6:.0f}" if row["bytes"] else ""
         yield (
-            f"{row['step']:<29}{row['seconds'] * 1000:>9.0f}{limit:>10}{ratio:>7}{size:>8}"
+            f"{row['step']:<31}{row['seconds'] * 1000:>9.0f}{limit:>10}{ratio:>7}{size:>8}"
             f"{row['paper_ms'] or '':>10}  {row['limit']}"
         )
     yield (

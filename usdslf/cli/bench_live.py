@@ -1,0 +1,126 @@
+"""Rows of the bench that are about the live picture, each beside embreex's own time for the same rays."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usdslf.rays import RayTracer
+from usdslf.render.live.picture import LivePicture
+from usdslf.render.picture import LitScene
+from usdslf.scene.records import Camera, constant
+from usdslf.session import Session
+
+REPEATS = 3
+LIMIT = "embreex on the same rays"
+WALL, VASE = "/still_life/materials/plaster", "/still_life/materials/pewter"
+
+Timed = tuple[str, float, str, float | None]
+"""Step, seconds, limit in words, its seconds."""
+
+
+class RecordingTracer(RayTracer):
+    """A tracer that keeps the rays it traces."""
+
+    def __init__(self, scene: Any) -> None:
+        super().__init__(scene)
+        self.kept: list[tuple[bool, tuple[NDArray, ...]]] = []
+
+    def intersect_into(self, rays: Any, found: Any, stop_at_translucent: bool = False) -> None:
+        self.kept.append((True, tuple(a.copy() for a in rays)))
+        super().intersect_into(rays, found, stop_at_translucent)
+
+    def occluded_into(self, rays: Any, blocked: Any) -> None:
+        self.kept.append((False, tuple(a.copy() for a in rays)))
+        super().occluded_into(rays, blocked)
+
+    def seconds(self) -> float:
+        """Time of the rays kept so far, without those of length 0; forgets them."""
+        kept, self.kept = self.kept, []
+        asked = []
+        for is_whole, (origin, direction, length) in kept:
+            rows = length > 0
+            asked.append((is_whole, (origin[rows], direction[rows], length[rows])))
+        floats = [[np.empty(len(r[2]), np.float32) for _ in range(3)] for _, r in asked]
+        found = [(np.empty(len(r[2]), np.int32), u, v, away) for (_, r), (u, v, away) in zip(asked, floats)]
+        blocked = [np.empty(len(r[2]), np.uint8) for _, r in asked]
+
+        def trace() -> None:
+            for (is_whole, rays), hits, hidden in zip(asked, found, blocked):
+                if is_whole:
+                    super(RecordingTracer, self).intersect_into(rays, hits)
+                else:
+                    super(RecordingTracer, self).occluded_into(rays, hidden)
+
+        return best(trace)
+
+
+def best(work: Callable[[], object]) -> float:
+    """Least time of some runs [s]."""
+    found = []
+    for _ in range(REPEATS):
+        began = time.perf_counter()
+        work()
+        found.append(time.perf_counter() - began)
+    return min(found)
+
+
+def live_steps(session: Session, camera: Camera, size: tuple[int, int]) -> Iterator[Timed]:
+    """Yields the steps of a live picture of the demo, warm.
+
+    Args:
+        size: of a whole picture [pixels].
+    """
+    lights, half = session.light_set, (max(1, size[0] // 2), max(1, size[1] // 2))
+    lit = LitScene(session.scene, session.tracer, session.light_field, session.lights, session.device)
+    tracer = RecordingTracer(session.scene)
+    picture = LivePicture.of(lit, lights, camera, size)
+    watched = LivePicture.of(replace(lit, tracer=tracer), lights, camera, size)
+    tracer.seconds()
+    first(picture, camera, half)  # builds the kernels
+    for name, pixels in (("live, first frame at half size", half), ("live, first frame", size)):
+        seconds = best(lambda pixels=pixels: first(picture, camera, pixels))  # type: ignore[misc]
+        first(watched, camera, pixels)
+        yield name, seconds, LIMIT, tracer.seconds()
+    for made in (picture, watched):
+        for _ in made.frames(3):
+            pass
+    tracer.seconds()
+    seconds = best(lambda: one_more(picture))
+    one_more(watched)
+    yield "live, one more frame", seconds, LIMIT, tracer.seconds()
+    yield "live, after a change of diffuse", *_edited(session, picture, WALL, "diffuse_color", constant(0.2, 0.5, 0.3))
+    yield "live, after one of roughness", *_edited(session, picture, VASE, "roughness", constant(0.35))
+
+
+def first(picture: LivePicture, camera: Camera, size: tuple[int, int]) -> None:
+    """Shows what another camera sees, once."""
+    other = picture.seen_by(camera, size)
+    other.gather_frame(1)
+    other.now()
+
+
+def one_more(picture: LivePicture) -> None:
+    """Adds a frame, and shows it."""
+    picture.gather_frame(picture.now().number + 1)
+    picture.now()
+
+
+def _edited(session: Session, picture: LivePicture, path: str, name: str, value: Any) -> tuple[float, str, None]:
+    """Time from a change of an input of a material to what it shows."""
+    shown = session.scene.materials
+    number = next(i for i, m in enumerate(shown) if m.path == path)
+    step = iter(np.linspace(0.9, 1, 2 * REPEATS))
+
+    def edit() -> None:
+        changed = replace(shown[number], **{name: (value * next(step)).astype(np.float32)})
+        other = picture.with_materials((*shown[:number], changed, *shown[number + 1 :]))
+        other.gather_frame(1)
+        other.now()
+
+    return best(edit), "", None
