@@ -8,7 +8,9 @@ from usdslf.scene.records import F32
 
 
 def shining(pixels: F32) -> F32:
-    """Returns pixels without what is not finite or below zero: black."""
+    """Returns pixels without what is not finite or below zero: black.  The same array where there is none."""
+    if pixels.size and pixels.min() >= 0 and pixels.max() < np.inf:  # nan is neither
+        return pixels
     return np.where(np.isfinite(pixels), np.maximum(pixels, 0), 0)
 
 
