@@ -75,6 +75,7 @@ SHOTS = {
         Shot("panels", f"{MAYA}/multipleMaterialsAssignment/MultipleMaterialsAssignment.usda", View(10, 5, 0.8),
              APARTMENT, 90),
         Shot("shaderball", "shaderball_usdwg/standard_shader_ball_scene.usda", "/standard_shader_ball_scene/camera"),
+        Shot("cornell_box", "cornell_box/cornell-box.usda", "/cornell_box/camera/camera"),
         Shot("living_room", "living_room_godot/living_room.usda", "/root/Camera3D/Camera3D"),
     )
 }  # fmt: skip

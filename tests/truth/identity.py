@@ -1,12 +1,13 @@
 """Does a picture of the unchanged shot, painted back over itself, leave nothing to explain?
 
-    python tests/truth/identity.py [SHOT ...] [--samples N] [--elements N] [--dabs N] [--json OUT]
+    python tests/truth/identity.py [SHOT ...] [--samples N] [--elements N] [--dabs N] [--keep DIR] [--json OUT]
 
 Each shot of kit/asset_shots.py is rendered by usdslf itself.  For every material that fills enough of the
-picture, dabs are spread over all of it and painted with the mean of the picture over each dab.  Printed: the
-residual that the evidence leaves before any change, that picture's own noise at the dabs (from a second
-picture of another seed, in the same measure), and what the solve makes of it; the right answer is none.
-It compares the evidence with the renderer, not with the truth.
+picture, dabs are laid anywhere on it, edges and thin parts too, and painted with the mean of the picture over each
+dab.  Printed: the residual that the evidence leaves before any change, that picture's own noise at the dabs (from
+a second picture of another seed, in the same measure), and what the solve makes of it; the right answer is none.
+It compares the evidence with the renderer, not with the truth.  --keep reads pictures that are there from a
+folder, and puts those that are made into it.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ import json
 import sys
 import tempfile
 import time
+from collections.abc import Iterator
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -26,17 +28,18 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 import numpy as np
 from kit.asset_shots import ASPECT, SHOTS, Shot, build_shot
 from numpy.typing import NDArray
-from scipy.ndimage import maximum_filter, minimum_filter
 
 import usdslf
+from usdslf.scene.cameras import camera_rays
 
 ASSETS = Path(__file__).resolve().parents[3] / "shared/assets"
 SIZE = (320, 240)
 RADIUS = 0.01  # of the picture's height: 2.4 pixels
 DABS = 24
-LEAST_PIXELS = 400  # of a material, whole dabs only
+LEAST_PIXELS = 300  # of a material
 WANTED = 0.02  # residual, or twice the noise
 FLOOR = 0.1  # of the mean, in the denominator of a relative residual
+SPLIT = 8  # of a pixel's side, where a dab's edge cuts it
 
 
 @dataclass(frozen=True)
@@ -64,28 +67,49 @@ class Identity:
         )
 
 
-def measure(shot: Shot, samples: int, elements: int, dabs: int) -> list[Identity]:
-    """Returns the identity of each material of a shot."""
-    found = []
+def measure(shot: Shot, samples: int, elements: int, dabs: int, keep: Path | None = None) -> Iterator[Identity]:
+    """Yields the identity of each material of a shot."""
     with tempfile.TemporaryDirectory() as folder:
         session = usdslf.open(build_shot(shot, ASSETS, Path(folder)), elements=elements)
         camera = session.camera(shot.camera)
-        pictures = [session.render(camera, SIZE, ("material",), samples, seed=seed) for seed in (0, 1)]
-        shown = pictures[0]["material"][..., 0].round().astype(int)
-        for m in np.unique(shown):
-            centers = spread_places(whole_dabs(shown == m), dabs)
-            if m < 0 or len(centers) < dabs:
+        pictures = two_pictures(session, camera, shot.name, samples, keep)
+        shown = materials_shown(session, camera)
+        for m in np.unique(shown[shown >= 0]):
+            centers = places_on(shown == m, dabs)
+            if len(centers) < dabs:
                 continue
             start = time.perf_counter()
-            colors, other = (disc_means(p["color"], centers) for p in pictures)
+            colors, other = (disc_means(p, centers) for p in pictures)
             report = paint_back(session, camera, centers, colors)
             # Two pictures differ by sqrt(2) of the noise of one.
             noise = relative(colors, other) / np.sqrt(2)
             path = report["material"] or f"material {m}"
             seconds = time.perf_counter() - start
             residual = float(report["residual_before"])
-            found.append(Identity(shot.name, path, len(centers), residual, noise, report["inferred"], seconds))
-    return found
+            yield Identity(shot.name, path, len(centers), residual, noise, report["inferred"], seconds)
+
+
+def two_pictures(session: Any, camera: Any, name: str, samples: int, keep: Path | None) -> list[NDArray]:
+    """Returns two pictures of other seeds, read from a folder where they are in it."""
+    kept = keep / f"{name}_{samples}.npz" if keep else None
+    if kept and kept.exists():
+        with np.load(kept) as both:
+            return [both["first"], both["second"]]
+    first, second = (session.render(camera, SIZE, samples=samples, seed=seed)["color"] for seed in (0, 1))
+    if kept:
+        kept.parent.mkdir(parents=True, exist_ok=True)
+        np.savez(kept, first=first, second=second)
+    return [first, second]
+
+
+def materials_shown(session: Any, camera: Any) -> NDArray:
+    """Returns the material (height, width) in the middle of each pixel, -1 where nothing is seen."""
+    x, y = np.meshgrid((np.arange(SIZE[0]) + 0.5) / SIZE[0], (np.arange(SIZE[1]) + 0.5) / SIZE[1])
+    rays = camera_rays(camera, np.stack([x.ravel(), y.ravel()], -1), ASPECT)
+    hits = session.tracer.intersect(rays.origin, rays.direction)
+    is_seen = (hits.triangle >= 0) & (hits.distance <= rays.limit)
+    found = session.scene.triangles.material[np.maximum(hits.triangle, 0)]
+    return np.where(is_seen, found, -1).reshape(SIZE[1], SIZE[0])
 
 
 def paint_back(session: Any, camera: Any, centers: NDArray, colors: NDArray) -> dict[str, Any]:
@@ -102,36 +126,32 @@ def paint_back(session: Any, camera: Any, centers: NDArray, colors: NDArray) -> 
         session.remove_stroke(stroke.name)
 
 
-def whole_dabs(mask: NDArray) -> NDArray:
-    """Returns pixels (n, 2; column, row) about which a dab lies within the mask and the picture."""
+def places_on(mask: NDArray, count: int) -> NDArray:
+    """Returns `count` pixels (count, 2; column, row) anywhere on a mask, dabs apart; fewer where it is small."""
     reach = int(np.ceil(RADIUS * SIZE[1]))
-    inside = minimum_filter(mask.astype(np.uint8), 2 * reach + 1, mode="constant", cval=0) > 0
-    rows, columns = np.nonzero(inside)
-    if len(rows) * (2 * reach + 1) < LEAST_PIXELS and maximum_filter(mask, 3).sum() < LEAST_PIXELS:
+    inside = np.zeros_like(mask)
+    inside[reach:-reach, reach:-reach] = mask[reach:-reach, reach:-reach]
+    if mask.sum() < LEAST_PIXELS:
         return np.zeros((0, 2), int)
-    return np.stack([columns, rows], -1)
-
-
-def spread_places(places: NDArray, count: int) -> NDArray:
-    """Returns up to `count` of the places, each as far as can be from those before; the first is in the middle."""
-    if not len(places):
-        return places
-    chosen = [int(np.argmin(np.linalg.norm(places - np.median(places, axis=0), axis=1)))]
-    distance = np.linalg.norm(places - places[chosen[0]], axis=1)
-    while len(chosen) < count and distance.max() >= 1:
-        chosen.append(int(np.argmax(distance)))
-        distance = np.minimum(distance, np.linalg.norm(places - places[chosen[-1]], axis=1))
-    return places[chosen]
+    rows, columns = np.nonzero(inside)
+    places = np.random.default_rng(3).permutation(np.stack([columns, rows], -1))
+    chosen: list[NDArray] = []
+    for place in places:
+        if len(chosen) < count and all(np.hypot(*(place - c)) >= 2 * reach for c in chosen):
+            chosen.append(place)
+    return np.array(chosen).reshape(-1, 2)
 
 
 def disc_means(picture: NDArray, centers: NDArray) -> NDArray:
-    """Returns the mean colours (n, 3) of the pixels within a dab about each centre."""
+    """Returns the mean colours (n, 3) of the picture within a dab about each centre, pixels by their share of it."""
     radius = RADIUS * SIZE[1]
     reach = int(np.ceil(radius))
     x, y = np.meshgrid(np.arange(-reach, reach + 1), np.arange(-reach, reach + 1))
-    near = np.hypot(x, y) <= radius
-    x, y = x[near], y[near]
-    return np.stack([picture[r + y, c + x].mean(0) for c, r in centers]).astype(float)
+    part = (np.arange(SPLIT) + 0.5) / SPLIT - 0.5
+    fine = np.hypot(x[..., None, None] + part, y[..., None, None] + part[:, None])
+    share = (fine <= radius).mean((2, 3))
+    x, y, share = x[share > 0], y[share > 0], share[share > 0]
+    return np.stack([np.average(picture[r + y, c + x], 0, weights=share) for c, r in centers]).astype(float)
 
 
 def relative(a: NDArray, b: NDArray) -> float:
@@ -146,14 +166,14 @@ def main() -> None:
     parser.add_argument("--samples", type=int, default=64)
     parser.add_argument("--elements", type=int, default=4000)
     parser.add_argument("--dabs", type=int, default=DABS)
+    parser.add_argument("--keep", type=Path, help="folder of pictures")
     parser.add_argument("--json", type=Path)
     a = parser.parse_args()
     found: list[Identity] = []
     for name in a.shots or SHOTS:
-        of_shot = measure(SHOTS[name], a.samples, a.elements, a.dabs)
-        for identity in of_shot:
+        for identity in measure(SHOTS[name], a.samples, a.elements, a.dabs, a.keep):
             print(identity, flush=True)
-        found += of_shot
+            found.append(identity)
     for name in dict.fromkeys(i.shot for i in found):
         worst = max((i for i in found if i.shot == name), key=lambda i: i.residual)
         print(f"worst of {name}: {worst.residual:.3f} on {worst.material}, noise there {worst.noise:.3f}")

@@ -1,6 +1,6 @@
 """Evidence: what light arrives where something was painted, and what each reflectance would make of it.
 
-A stroke is laid as dabs; each dab holds SAMPLES surface points over its footprint as the painter saw it.  At
+A stroke is laid as dabs; each dab holds some hundred surface points over its footprint as the painter saw it.  At
 every point rays are drawn from a mixture of a cosine and GGX lobes about the eye's mirror direction, and one
 set of rays serves all levels of roughness.  Hits take the light field, misses the dome at full resolution,
 lights are sampled with shadow rays, and all are joined by the balance heuristic.  The unpainted directions,
@@ -12,23 +12,19 @@ Source: Nguyen et al. 2013, 5.3 (Eq. 2); Veach 1997 (multiple importance samplin
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from usdslf.inference.samples import LOBE_ROUGHNESS, Samples, by_sixteen
+from usdslf.inference.samples import LOBE_ROUGHNESS, SHARPEST, Beside, Samples, by_sixteen
 from usdslf.light_field.light_field import LightField
 from usdslf.sampling.hemisphere import SOLID_ANGLE, D, bin_directions
 from usdslf.strokes.stroke import Stroke
 from usdslf.surfaces.reflectance import gloss_levels, lobe_parameter, model_of, moved_roughness
 from usdslf.surfaces.surface_points import SurfacePoints
 
-if TYPE_CHECKING:
-    pass
-
 BACKGROUND = 24  # unpainted directions of a dab
-SHARPEST = 0.04  # roughness; sharper lobes fall between the rays, the sharpest of which have twice that
 SHARPEST_BACKGROUND = 0.2  # roughness; sharper lobes fall between the bins
 VARIED = 5e-3  # range of roughness above which it varies
 
@@ -47,7 +43,7 @@ class Evidence:
     surface: SurfacePoints  # (S,)
     levels: NDArray[np.float64]  # (S, J)
     columns: NDArray[np.float64]  # (S, J, 4, 3) X, Y, A, B
-    coat: NDArray[np.float64]  # (S, 3) radiance that no parameter of ours changes: clearcoat and emission
+    coat: NDArray[np.float64]  # (S, 3) radiance that no parameter of ours changes; see `unchanging_radiance`
     background_sample: NDArray[np.int64]  # (B,) the sample whose reflectance a background row has
     background: NDArray[np.float64]  # (B, J, 4, 3)
 
@@ -95,7 +91,7 @@ def arriving_light(samples: Samples, field: LightField, specular: bool = False) 
     """Returns radiance over density (S, K, 3) of all rays and light samples, with the light field of now."""
     light = (samples.fixed if not specular or samples.fixed_specular is None else samples.fixed_specular).copy()
     moving = field.follow_links(samples.links_d, samples.weights_d).reshape(len(light), samples.ray_count, 3)
-    light[:, : samples.ray_count] += samples.gain[:, : samples.ray_count, None] * moving
+    light[:, : samples.ray_count] += samples.gain[:, : samples.ray_count] * moving
     return light
 
 
@@ -133,9 +129,7 @@ def _columns(
     return device.download(out_d).astype(np.float64)
 
 
-def _background(
-    samples: Samples, field: LightField, levels: NDArray, first: NDArray
-) -> tuple[NDArray, NDArray]:
+def _background(samples: Samples, field: LightField, levels: NDArray, first: NDArray) -> tuple[NDArray, NDArray]:
     """Columns (B, J, 4, 3) of unpainted directions of each dab, from the bins of its nearest element."""
     surface = samples.surface
     near = field.lookup.nearest(surface.triangle[first], surface.barycentric[first], samples.side[first])
@@ -154,13 +148,35 @@ def _background(
 
 
 def unchanging_radiance(samples: Samples, field: LightField) -> NDArray[np.float64]:
-    """Returns what clearcoat and emission send to the eye (S, 3): no parameter of ours changes it."""
+    """Returns what no parameter of ours changes (S, 3): clearcoat, emission, and what dabs show beside the material."""
     surface = samples.surface
-    if not model_of(field.model).has_coat or not np.any(surface.clearcoat > 0):
-        return surface.emission.astype(np.float64)
-    columns = evaluate_columns(samples, field, surface.clearcoat_roughness[:, None].astype(np.float64))[:, 0]
-    f0 = surface.coat_f0[:, None]
-    return surface.emission + surface.clearcoat[:, None] * (f0 * columns[:, 2] + columns[:, 3])
+    out = surface.emission.astype(np.float64)
+    if samples.weight is not None:
+        out = out * samples.weight[:, None]
+    if model_of(field.model).has_coat and np.any(surface.clearcoat > 0):
+        columns = evaluate_columns(samples, field, surface.clearcoat_roughness[:, None].astype(np.float64))[:, 0]
+        f0 = surface.coat_f0[:, None]
+        out = out + surface.clearcoat[:, None] * (f0 * columns[:, 2] + columns[:, 3])
+    if samples.beside is not None:
+        here = samples.dab < len(samples.beside.light)
+        out[here] += _radiance_beside(samples.beside, field)[samples.dab[here]]
+    return out
+
+
+def sent_radiance(samples: Samples, field: LightField) -> NDArray[np.float64]:
+    """Returns the radiance (S, 3) that samples send to their eyes, with the reflectance that they were laid on."""
+    s = samples.surface
+    columns = evaluate_columns(samples, field, s.roughness[:, None].astype(np.float64))
+    d, f0, f90 = (x.astype(np.float64)[:, None] for x in (s.diffuse, s.f0, s.f90))
+    return model_of(field.model).bilinear(columns, d, f0, f90, False)[0][:, 0] + unchanging_radiance(samples, field)
+
+
+def _radiance_beside(beside: Beside, field: LightField) -> NDArray[np.float64]:
+    """Radiance (n, 3) of dabs that is not of the painted material, under the light of now."""
+    out = beside.light.copy()
+    if beside.samples is not None:
+        out[beside.has_some] += mean_by(sent_radiance(beside.samples, field), beside.samples.dab)
+    return out
 
 
 def mean_by(values: NDArray, group: NDArray) -> NDArray:

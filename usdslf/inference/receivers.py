@@ -19,8 +19,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdslf.inference.bilinear import TEXTURED, Bilinear, Tables
-from usdslf.inference.evidence import SHARPEST, Evidence, evaluate_columns, mean_by, unchanging_radiance
+from usdslf.inference.evidence import Evidence, evaluate_columns, mean_by, unchanging_radiance
 from usdslf.inference.residuals import relative_scale
+from usdslf.inference.samples import SHARPEST
 from usdslf.light_field.light_field import LightField, Surface
 from usdslf.light_field.links import element_of, is_link
 from usdslf.scene.records import Scene
@@ -60,7 +61,7 @@ def make_receiver(painted: Painted, evidence: Evidence, field: LightField, is_fi
     width = lobe_parameter(field.model, np.maximum(surface.roughness, SHARPEST))[:, None]
     x = columns(field.model, width, samples.eye[:, None], local)  # (S, K, 4)
     weight = column_weights(field.model, surface.diffuse, surface.f0, surface.f90)  # (S, 4, 3)
-    carry = np.einsum("skc,scr->skr", x, weight) * samples.gain[:, :count, None]
+    carry = np.einsum("skc,scr->skr", x, weight) * samples.gain[:, :count]
     all_links = field.device.download(samples.links_d)
     elements = np.unique(element_of(all_links[is_link(all_links)])).astype(np.int64)
     links = all_links[:, 0].reshape(len(x), count)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from dataclasses import field as dataclass_field
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -10,7 +10,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from usdslf.inference.footprint import Mixture, footprint, is_of_picture, mixed_footprint
 from usdslf.light_field.light_field import LightField
+from usdslf.light_field.links import element_of, is_link
 from usdslf.lights.sources import LightSet
 from usdslf.progress import tell
 from usdslf.sampling.frames import frames_about
@@ -19,18 +21,22 @@ from usdslf.scene.records import F64, Scene
 from usdslf.strokes.anchors import locate_stroke, where_spilt
 from usdslf.strokes.stroke import Stroke, dab_rows
 from usdslf.surfaces.reflectance import lobe_parameter, model_of
-from usdslf.surfaces.surface_points import SurfacePoints, evaluate_surface
+from usdslf.surfaces.surface_points import SurfacePoints, evaluate_surface, turned_to_viewer
 
 if TYPE_CHECKING:
     from usdslf.rays import Hits, RayTracer
 
-SAMPLES = 96  # surface points of a dab: detail varies over it more than light varies over a point's rays
+MOST_SAMPLES = 9216  # surface points of a stroke, where its dabs have more than the least:
+SAMPLES = (96, 384)  # least and most of a dab; detail varies over it more than light varies over a point's rays
 MOST_DABS = 128
-RAYS = 48  # of a sample
-LOBE_ROUGHNESS = (0.08, 0.22, 0.42, 0.7)
+RAYS = 4608  # of a dab
+LOBE_ROUGHNESS = (0.08, 0.22, 0.42, 0.7)  # of the rays; the first is less where the surface is sharper
+SHARPEST = 0.04  # roughness; sharper lobes count as this
 LIGHT_RAYS = 4  # of a sample to each light
 ELSEWHERE = 96  # unpainted points of the painted materials
-LEAST_COSINE = 0.05  # of the eye above a surface
+BLACK = 0.01  # reflectance of elements below which they tell nothing of what is near
+MOST_DETAIL = 4.0  # times the elements' reflectance
+WIDE_ANGLE = 0.2  # [sr] of a dome that a ray sees which only the shading normal sent out
 
 
 @dataclass(frozen=True)
@@ -44,10 +50,21 @@ class Samples:
     towards_d: Any  # device (S, 3, K') local directions; K' is K filled up to a multiple of 16
     fixed: NDArray[np.float32]  # (S, K, 3) light that no edit changes, over density, by the lights' diffuse factors
     fixed_specular: NDArray[np.float32] | None  # by their specular factors, where these are others
-    gain: NDArray[np.float32]  # (S, K) one over the density, for what the surfaces send
+    gain: NDArray[np.float32]  # (S, K, 3) one over the density, for what the surfaces send, by their detail
     links_d: Any  # of the S * ray_count rays
     weights_d: Any
     ray_count: int  # of the K, those that are rays and not light samples
+    weight: NDArray[np.float64] | None = None  # (S,) share of what it sends that its dab shows, in its light already
+    beside: Beside | None = None  # what else its dabs show
+
+
+@dataclass(frozen=True)
+class Beside:
+    """What shows in n dabs beside the painted material: at edges, through gaps and through glass."""
+
+    samples: Samples | None  # of other materials, weighed so that their mean over a dab is their part of it
+    has_some: NDArray[np.int64]  # dabs that have such samples
+    light: NDArray[np.float64]  # (n, 3) radiance of lights and domes
 
 
 @dataclass(frozen=True)
@@ -59,6 +76,7 @@ class _Points:
     side: NDArray[np.int64]  # (S,) +1 or -1
     eye: NDArray[np.float32]  # (S, 3) local, unit
     frames: NDArray  # (S, 3, 3) rows are the local axes, on the eye's side
+    geometric: NDArray  # (S, 3) geometric normal on the eye's side
     origin: NDArray  # (S, 3) off the surface
 
 
@@ -71,6 +89,7 @@ class _Trace:
     lights: LightSet
     rays: int
     light_rays: int  # to each light
+    sharpest: float = LOBE_ROUGHNESS[0]  # roughness of the first lobe
     rng: np.random.Generator = dataclass_field(default_factory=lambda: np.random.default_rng(7))
 
     @property
@@ -89,7 +108,7 @@ class _Trace:
     @cached_property
     def mixture(self) -> tuple[Any, Any]:
         """The widths of the lobes and the rays of each technique, on the device."""
-        alphas = lobe_parameter("preview_surface", LOBE_ROUGHNESS).astype(np.float32)
+        alphas = lobe_parameter("preview_surface", (self.sharpest, *LOBE_ROUGHNESS[1:])).astype(np.float32)
         return self.field.device.upload(alphas), self.field.device.upload(self.counts.astype(np.float32))
 
     @property
@@ -112,37 +131,72 @@ def gather_samples(
     rows = np.flatnonzero(np.isin(located.row, dab_rows(stroke)))
     if len(rows) > MOST_DABS:
         rows = rows[np.linspace(0, len(rows) - 1, MOST_DABS).round().astype(int)]
-    dab, triangle, barycentric = footprint(stroke, scene, tracer, located, rows)
-    used, dab = np.unique(dab, return_inverse=True)
-    stroke_row = located.row[rows[used]]
-    seen_from = stroke.eye[stroke_row][dab].astype(np.float64)
+    count = int(np.clip(MOST_SAMPLES // len(rows), *SAMPLES))
+    rays = RAYS // count
+    mixture = None
+    if is_of_picture(stroke):
+        mixture = mixed_footprint(stroke, scene, tracer, located, rows, count, lights)
+        own, weight = mixture.own, mixture.weight
+    else:
+        own = footprint(stroke, scene, tracer, located, rows, count)
+        weight = np.ones(len(own[0]))
+    eye = stroke.eye[located.row[rows]].astype(np.float64)
+    order = np.argsort(own[0], kind="stable")
+    dab, triangle, barycentric = (x[order] for x in own)
     material = np.unique(scene.triangles.material[triangle])
-    other = _elsewhere(field, tracer, material, seen_from.mean(0))
-    order = np.argsort(dab, kind="stable")
-    dab = np.concatenate([dab[order], len(used) + np.arange(len(other))])
-    triangle = np.concatenate([triangle[order], field.elements.triangle[other]])
-    barycentric = np.concatenate([barycentric[order], field.elements.barycentric[other]])
-    seen_from = np.concatenate([seen_from[order], np.broadcast_to(seen_from.mean(0), (len(other), 3))])
+    other = _elsewhere(field, tracer, material, eye[dab].mean(0))
+    surface = evaluate_surface(
+        scene,
+        np.concatenate([triangle, field.elements.triangle[other]]),
+        np.concatenate([barycentric, field.elements.barycentric[other]]),
+    )
+    seen_from = np.concatenate([eye[dab], np.broadcast_to(eye[dab].mean(0), (len(other), 3))])
+    dab = np.concatenate([dab, len(rows) + np.arange(len(other))])
+    samples = trace_samples(dab, surface, seen_from, tracer, field, lights, rays)
+    if mixture is not None:
+        beside = _beside(mixture, eye, scene, _Trace(tracer, field, lights, rays, LIGHT_RAYS))
+        samples = replace(_weighed(samples, np.concatenate([weight[order], np.ones(len(other))])), beside=beside)
+    return samples, located.row[rows]
+
+
+def _beside(mixture: Mixture, eye: NDArray, scene: Scene, t: _Trace) -> Beside | None:
+    """Traces what dabs, seen from eyes (n, 3), show beside the painted material; None where that is nothing."""
+    order = np.argsort(mixture.other[0], kind="stable")
+    dab, triangle, barycentric = (x[order] for x in mixture.other)
+    if not len(dab) and not mixture.light.any():
+        return None
+    has_some, number = np.unique(dab, return_inverse=True)
+    if not len(dab):
+        return Beside(None, has_some, mixture.light)
     surface = evaluate_surface(scene, triangle, barycentric)
-    return trace_samples(dab, surface, seen_from, tracer, field, lights), stroke_row
+    samples = trace_samples(number.reshape(-1), surface, eye[dab], t.tracer, t.field, t.lights, t.rays)
+    return Beside(_weighed(samples, mixture.other_weight[order]), has_some, mixture.light)
+
+
+def _weighed(samples: Samples, weight: NDArray) -> Samples:
+    """Samples that send a share (S,) of their light."""
+    by = weight.astype(np.float32)[:, None, None]
+    split = None if samples.fixed_specular is None else samples.fixed_specular * by
+    return replace(samples, weight=weight, fixed=samples.fixed * by, fixed_specular=split, gain=samples.gain * by)
 
 
 def trace_samples(
     dab: NDArray, surface: SurfacePoints, seen_from: NDArray, tracer: RayTracer, field: LightField, lights: LightSet,
+    rays: int,
 ) -> Samples:  # fmt: skip
-    """Traces the rays of samples, surface points of dabs (S,), each seen from an eye (S, 3)."""
+    """Traces the rays of samples, surface points of dabs (S,), each seen from an eye (S, 3) and sending `rays`."""
     eye = seen_from - surface.position
     eye /= np.linalg.norm(eye, axis=1, keepdims=True)
     side = np.where(np.einsum("ij,ij->i", eye, surface.geometric_normal) < 0, -1, 1)
     flip = side[:, None].astype(np.float32)
-    normal, geometric = surface.normal * flip, surface.geometric_normal * flip
-    frames = frames_about(normal)
+    geometric = surface.geometric_normal * flip
+    frames = frames_about(turned_to_viewer(surface.normal * flip, geometric, eye))
     e = np.einsum("sij,sj->si", frames, eye)
-    e[:, 2] = np.maximum(e[:, 2], LEAST_COSINE)
     e = (e / np.linalg.norm(e, axis=1, keepdims=True)).astype(np.float32)
     origin = tracer.offset_points(surface.position, geometric, surface.triangle)
-    points = _Points(dab, surface, side, e, frames, origin)
-    return _trace(points, _Trace(tracer, field, lights, RAYS, LIGHT_RAYS))
+    points = _Points(dab, surface, side, e, frames, geometric, origin)
+    sharpest = float(np.clip(np.median(surface.roughness), SHARPEST, LOBE_ROUGHNESS[0]))
+    return _trace(points, _Trace(tracer, field, lights, rays, LIGHT_RAYS, sharpest))
 
 
 def _elsewhere(field: LightField, tracer: RayTracer, materials: NDArray, eye: NDArray) -> NDArray[np.int64]:
@@ -156,66 +210,27 @@ def _elsewhere(field: LightField, tracer: RayTracer, materials: NDArray, eye: ND
     return mine[~hidden][:ELSEWHERE]
 
 
-def footprint(
-    stroke: Stroke, scene: Scene, tracer: RayTracer, located: Any, rows: NDArray, reach: float = 1.0,
-    count: int = SAMPLES,
-) -> tuple[NDArray, NDArray, NDArray]:  # fmt: skip
-    """`count` points a dab, spread over `reach` brushes as the painter saw them: dab (S,), triangle, barycentric.
-
-    Rays start at the eye where it sees the dab's centre: on weave, thin parts and folds it sees other places than a
-    probe from near by.  Where something hides the centre now (a stroke read again after motion), they start close to
-    the surface.
-    """
-    k = np.arange(count)
-    spiral = np.sqrt((k + 0.5) / count)[:, None] * np.stack([np.cos(2.39996 * k), np.sin(2.39996 * k)], -1)
-    center = located.position[rows].astype(np.float64)
-    stroke_row = located.row[rows]
-    origin = stroke.eye[stroke_row].astype(np.float64)
-    towards = center - origin
-    distance = np.linalg.norm(towards, axis=1)
-    frame = frames_about(towards / distance[:, None])
-    disk = np.einsum("kc,ncj->nkj", spiral, frame[:, :2]) * (reach * stroke.widths[stroke_row] / 2)[:, None, None]
-    aim = center[:, None] + disk - origin[:, None]
-    aim /= np.linalg.norm(aim, axis=2, keepdims=True)
-    brush = stroke.widths[stroke_row]
-    shortest = np.minimum(2 * reach * brush, distance)
-    clear = np.maximum(distance - 0.5 * brush, 0) / np.maximum(distance, 1e-30)
-    hidden = tracer.occluded(origin, towards, clear.astype(np.float32))
-    near = center[:, None] + disk - aim * shortest[:, None, None]
-    start = np.where(hidden[:, None, None], near, origin[:, None])
-    hits = tracer.intersect(start.reshape(-1, 3), aim.reshape(-1, 3))
-    table = scene.triangles
-    dab = np.repeat(np.arange(len(rows)), count)
-    same = (hits.triangle >= 0) & (
-        table.mesh[np.maximum(hits.triangle, 0)] == np.repeat(table.mesh[located.triangle[rows]], count)
-    )
-    same &= table.material[np.maximum(hits.triangle, 0)] == np.repeat(table.material[located.triangle[rows]], count)
-    missing = np.setdiff1d(np.arange(len(rows)), dab[same])  # a dab smaller than the rounding: its centre
-    return (
-        np.concatenate([dab[same], missing]),
-        np.concatenate([hits.triangle[same], located.triangle[rows[missing]]]).astype(np.int32),
-        np.concatenate([hits.barycentric[same], located.barycentric[rows[missing]]]).astype(np.float32),
-    )
-
-
 def _trace(p: _Points, t: _Trace) -> Samples:
     s, device = len(p.eye), t.field.device
     local, world, density = _make_rays(p, t)
     starts = np.repeat(p.origin, t.rays, 0)
+    world, is_folded = _folded(world, np.repeat(p.geometric, t.rays, 0))
     hits = t.tracer.intersect(starts, world)
     usable = density > 0
     inverse = np.where(usable, 1 / np.where(usable, density, 1), 0)
     links_d, weights_d = t.field.link_hits(
         np.where(usable, hits.triangle, -1), hits.barycentric.astype(np.float32), world
     )
-    locals_, lights_in = [local], [_met_lights(starts, world, density, hits, t).reshape(2, s, t.rays, 3)]
+    locals_, lights_in = [local], [_met_lights(starts, world, density, is_folded, hits, t).reshape(2, s, t.rays, 3)]
     for source in t.sources:
         direction, light = _sample_source(source, p, t)
         locals_.append(direction)
         lights_in.append(np.stack([source.diffuse * light, source.specular * light]))
         tell()
     all_local = np.concatenate(locals_, 1)
-    gain = np.concatenate([inverse.reshape(s, t.rays), np.zeros((s, all_local.shape[1] - t.rays))], 1)
+    detail = _detail(links_d, weights_d, world, density, hits, t)
+    gain = np.zeros(all_local.shape)
+    gain[:, : t.rays] = (inverse[:, None] * detail).reshape(s, t.rays, 3)
     light_d, light_s = np.concatenate(lights_in, 2).astype(np.float32)
     is_split = any(source.diffuse != source.specular for source in t.sources)
     return Samples(
@@ -239,12 +254,51 @@ def _make_rays(p: _Points, t: _Trace) -> tuple[NDArray, NDArray, NDArray]:
     return device.download(local_d), world, density
 
 
-def _met_lights(starts: NDArray, world: NDArray, density: NDArray, hits: Hits, t: _Trace) -> F64:
-    """What n rays (n, 3) meet of the lights, over density: (2, n, 3) by their diffuse and by their specular factors."""
+def _detail(
+    links_d: Any, weights_d: Any, world: NDArray, density: NDArray, hits: Hits, t: _Trace
+) -> NDArray[np.float64]:
+    """Factors (n, 3) on what links carry: the reflectance where rays hit over that of the elements they are tied to.
+
+    A reflection that is finer than the elements shows the texture of what is near, not the elements' blend of it.
+    """
+    out = np.ones((len(world), 3))
+    scene, device = t.tracer.scene, t.field.device
+    rows = np.flatnonzero((hits.triangle >= 0) & (density > 0))
+    cosine = np.einsum("nj,nj->n", scene.triangles.face_normals[hits.triangle[rows]], world[rows])
+    covered = hits.distance[rows].astype(np.float64) ** 2 * t.rays / np.maximum(density[rows] * np.abs(cosine), 1e-9)
+    rows = rows[covered < t.field.elements.area.mean()]
+    if not len(rows):
+        return out
+    links, weights = device.download(links_d)[rows], device.download(weights_d)[rows].astype(np.float64)
+    weights *= is_link(links)
+    element = np.where(is_link(links), element_of(links), 0)
+    met = evaluate_surface(scene, hits.triangle[rows], hits.barycentric[rows])
+    blended = np.einsum("nk,nkc->nc", weights, (t.field.surface.diffuse + t.field.surface.f0)[element])
+    own = met.diffuse + met.f0
+    out[rows] = np.where(blended > BLACK, np.clip(own / np.maximum(blended, BLACK), 0, MOST_DETAIL), 1)
+    return out
+
+
+def _folded(world: NDArray, geometric: NDArray) -> tuple[NDArray, NDArray[np.bool_]]:
+    """Folds up directions (n, 3) that only the shading normal sends out, as pictures do; tells which (n,)."""
+    below = np.einsum("nj,nj->n", world, geometric)
+    up = world - 2 * np.minimum(below, 0)[:, None] * geometric
+    return up.astype(np.float32), below < 0
+
+
+def _met_lights(starts: NDArray, world: NDArray, density: NDArray, is_folded: NDArray, hits: Hits, t: _Trace) -> F64:
+    """What n rays (n, 3) meet of the lights, over density: (2, n, 3) by their diffuse and by their specular factors.
+
+    Those that were folded stand for directions in which no light is sampled: they see domes only, and wide.
+    """
     fixed = np.zeros((2, len(world), 3))
-    usable = density > 0
+    usable = (density > 0) & ~is_folded
     missed = (hits.triangle < 0) & usable
+    wide = (hits.triangle < 0) & (density > 0) & is_folded
     for dome in t.lights.domes:
+        seen = dome.dome.radiance(world[wide], WIDE_ANGLE) / density[wide, None]
+        fixed[0, wide] += dome.diffuse * seen
+        fixed[1, wide] += dome.specular * seen
         p = t.light_rays * dome.dome.pdf(world[missed])
         seen = dome.dome.radiance(world[missed], None) / (density[missed] + p)[:, None]
         fixed[0, missed] += dome.diffuse * seen

@@ -35,8 +35,9 @@ from numpy.typing import ArrayLike, NDArray
 from usdslf.errors import StrokeError
 from usdslf.geometry.closest_point import nearest_on_triangles
 from usdslf.inference.bilinear import bilinear
-from usdslf.inference.evidence import evaluate_columns, mean_by, unchanging_radiance
-from usdslf.inference.samples import Samples, footprint, trace_samples
+from usdslf.inference.evidence import evaluate_columns, mean_by, sent_radiance, unchanging_radiance
+from usdslf.inference.footprint import footprint
+from usdslf.inference.samples import RAYS, SAMPLES, Samples, trace_samples
 from usdslf.light_field.light_field import LightField
 from usdslf.lights.sources import LightSet
 from usdslf.sampling.frames import frames_about
@@ -57,6 +58,7 @@ WIDEST_BLUR = 0.6  # radians
 BLUR_TAIL = 0.95  # of the directions, where the far ones are cut
 BLUR_POINTS = 36  # of a dab
 BLUR_EYES = 4  # directions of each point
+BLUR_RAYS = 48  # of each of those
 MOST_CONTRAST = 4.0  # that sharpen asks for
 SHAPE_ERROR = 0.12  # relative, of what blur and sharpen ask for
 
@@ -161,12 +163,6 @@ def wanted_radiance(
     return apply_tool(stroke.tool, Seen(radiance, painted, source, blurred), stroke.strength)
 
 
-def seen_radiance(samples: Samples, field: LightField) -> F64:
-    """Returns the radiance (S, 3) that samples send to their eyes, with the reflectance that they were laid on."""
-    levels = samples.surface.roughness[:, None].astype(np.float64)
-    return _sum(evaluate_columns(samples, field, levels), samples, field)
-
-
 def _sum(columns: F64, samples: Samples, field: LightField) -> F64:
     """Radiance (S, 3) from columns (S, 1, 4, 3)."""
     d, f0, f90 = (x.astype(np.float64) for x in (samples.surface.diffuse, samples.surface.f0, samples.surface.f90))
@@ -179,7 +175,7 @@ def _blurred(
     """B (n, 3): rays of their own for each point and direction, so that sharp lobes are met too."""
     located = locate_stroke(scene, stroke)
     rows = np.searchsorted(located.row, stroke_row)
-    points = footprint(stroke, scene, tracer, located, rows, BLUR_REACH, BLUR_POINTS)
+    points = footprint(stroke, scene, tracer, located, rows, BLUR_POINTS, BLUR_REACH)
     dab, triangle, barycentric = (np.repeat(x, BLUR_EYES, 0) for x in points)
     order = np.argsort(dab, kind="stable")
     dab, surface = dab[order], evaluate_surface(scene, triangle[order], barycentric[order])
@@ -199,8 +195,8 @@ def _blurred(
     aside = (sigma * np.sqrt(u / (1 - u)))[:, None] * np.stack([np.cos(2 * np.pi * v), np.sin(2 * np.pi * v)], -1)
     turned = frame[:, 2] + np.einsum("nc,ncj->nj", aside, frame[:, :2])
     seen_from = surface.position + turned * distance / np.linalg.norm(turned, axis=1, keepdims=True)
-    samples = trace_samples(dab, surface, seen_from, tracer, field, lights)
-    return mean_by(seen_radiance(samples, field), dab)
+    samples = trace_samples(dab, surface, seen_from, tracer, field, lights, BLUR_RAYS)
+    return mean_by(sent_radiance(samples, field), dab)
 
 
 def _at_source(
@@ -231,11 +227,13 @@ def _at_source(
         warnings.append(f"{stroke.path}: {lost} dabs clone from no surface; the source of the next dab is used")
     on, at = triangle[found].astype(np.int32), barycentric[found].astype(np.float32)
     located = Located(stroke_row[found], on, at, *points_on_triangles(scene, on, at), False)
-    dab, triangle, barycentric = footprint(stroke, scene, tracer, located, np.arange(len(found)))
+    points = footprint(stroke, scene, tracer, located, np.arange(len(found)), SAMPLES[0])
+    order = np.argsort(points[0], kind="stable")
+    dab, triangle, barycentric = (x[order] for x in points)
     surface = evaluate_surface(scene, triangle, barycentric)
     seen_from = stroke.eye[stroke_row[found]][dab].astype(np.float64)
-    samples = trace_samples(dab, surface, seen_from, tracer, field, lights)
-    light = mean_by(seen_radiance(samples, field), dab)
+    samples = trace_samples(dab, surface, seen_from, tracer, field, lights, RAYS // SAMPLES[0])
+    light = mean_by(sent_radiance(samples, field), dab)
     next_one = np.abs(np.arange(len(stroke_row))[:, None] - found[None]).argmin(1)
     return light[next_one]
 

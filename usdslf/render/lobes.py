@@ -21,7 +21,7 @@ from usdslf.render.guide import SHARE, LightGuide
 from usdslf.render.wide_field import BLOCK
 from usdslf.scene.records import F32, I32
 from usdslf.surfaces.reflectance import model_of
-from usdslf.surfaces.surface_points import SurfacePoints
+from usdslf.surfaces.surface_points import SurfacePoints, turned_to_viewer
 
 GROUP = 64  # work items of a group
 COLUMNS = 5  # X, Y, A, B, coat
@@ -69,11 +69,7 @@ def shading_points(
         surface = replace(surface, clearcoat=0 * surface.clearcoat)
     side = np.where(dot(surface.geometric_normal, view) < 0, np.float32(-1), np.float32(1))[:, None]
     geometric, normal = surface.geometric_normal * side, surface.normal * side
-    facing = dot(normal, view)
-    least = np.minimum(0.02, np.maximum(dot(geometric, view), 1e-3))
-    lift = np.maximum(least - facing, 0)
-    normal = normal + (1.5 * lift)[:, None] * view
-    normal /= np.maximum(np.sqrt(dot(normal, normal)), 1e-12)[:, None]
+    normal = turned_to_viewer(normal, geometric, view)
     cosine = np.clip(dot(normal, view), 0, 1)
     f = ((1 - cosine) ** 5)[:, None]
     specular = luminance(surface.f0 + (surface.f90 - surface.f0) * f)

@@ -149,6 +149,19 @@ def reflectance_at(
     return d, f0, np.where(workflow, 1, s), r2
 
 
+def turned_to_viewer(normal: NDArray, geometric: NDArray, view: NDArray) -> NDArray:
+    """Bends unit shading normals (n, 3) that point away from the viewer until they are seen just so.
+
+    Args:
+        geometric: (n, 3) unit normals, on the side of the viewer as `normal` is.
+        view: (n, 3) unit, towards the viewer.
+    """
+    facing = np.einsum("nk,nk->n", normal, view)
+    least = np.minimum(0.02, np.maximum(np.einsum("nk,nk->n", geometric, view), 1e-3))
+    bent = normal + (1.5 * np.maximum(least - facing, 0))[:, None] * view
+    return bent / np.maximum(np.linalg.norm(bent, axis=1, keepdims=True), 1e-12)
+
+
 def evaluate_opacity(
     scene: Scene, triangle: NDArray, barycentric: NDArray
 ) -> tuple[F32, F32]:

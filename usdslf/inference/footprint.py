@@ -1,0 +1,181 @@
+"""Footprints: what a dab covers of the picture, as points on surfaces.
+
+    footprint(stroke, scene, tracer, located, rows, ...) -> dab, triangle, barycentric    of the painted surface alone
+    mixed_footprint(...) -> Mixture                                                      all that shows in the dabs
+    is_of_picture(stroke)                                                                which of the two a stroke means
+
+Rays start at the eye where it sees the dab's centre: on weave, thin parts and folds it sees other places than a probe
+from near by.  Where something hides the centre now (a stroke read again after motion), they start close to the surface.
+
+A colour that was taken from the picture is that of all that shows there: at an edge, on thin parts and through glass
+it is a mixture,
+
+    painted = mean over the dab's rays of  sum over layers of  (prod (1 - opacity) of those in front) presence L
+
+of which the painted material sends a part; the rest stays as it is.  Who paints many dabs with one colour means the
+surface, and what is beside it is left out.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usdslf.lights.sources import LightSet, brightest
+from usdslf.sampling.frames import frames_about
+from usdslf.scene.records import F64, Scene
+from usdslf.strokes.anchors import Located, points_on_triangles
+from usdslf.strokes.stroke import Stroke, dab_rows
+from usdslf.surfaces.surface_points import evaluate_opacity
+
+if TYPE_CHECKING:
+    from usdslf.rays import RayTracer
+
+PICKED = 0.5  # share of a stroke's dabs with a colour of their own, above which it was taken from a picture
+LEAST_PICKED = 3  # dabs of such a stroke
+LAYERS = 8  # see-through surfaces of a ray
+LEAST_SHOWN = 1e-3  # of a layer
+Points = tuple[NDArray, NDArray, NDArray]
+"""dab (S,), triangle (S,), barycentric (S, 2)."""
+
+
+@dataclass(frozen=True)
+class Mixture:
+    """What shows in n dabs: points of the painted material, points of others, and lights.
+
+    The mean over a dab's points of `weight` L, `own` and `other` each for itself, is its share of the dab's radiance.
+    """
+
+    own: Points
+    weight: F64  # (S,)
+    other: Points
+    other_weight: F64  # (F,)
+    light: F64  # (n, 3) radiance of what is no surface
+
+
+def is_of_picture(stroke: Stroke) -> bool:
+    """Whether the colours of a stroke were taken from a picture, dab by dab, and not mixed for the surface."""
+    if stroke.tool != "replace" or stroke.space != "scene":
+        return False
+    colors = stroke.colors[dab_rows(stroke)].astype(np.float64)
+    step = 1e-3 * max(float(np.abs(colors).mean()), 1e-9)
+    different = len(np.unique(np.round(colors / step), axis=0))
+    return len(colors) >= LEAST_PICKED and different > PICKED * len(colors)
+
+
+def footprint(
+    stroke: Stroke, scene: Scene, tracer: RayTracer, located: Located, rows: NDArray, count: int, reach: float = 1.0
+) -> Points:
+    """Returns points of the painted surfaces, up to `count` a dab, spread over `reach` brushes."""
+    start, aim = _rays(stroke, tracer, located, rows, count, reach)
+    hits = tracer.intersect(start, aim)
+    dab = np.repeat(np.arange(len(rows)), count)
+    same = _is_painted(hits.triangle, dab, scene, located, rows, True)
+    points = dab[same], hits.triangle[same], hits.barycentric[same]
+    return _with_centres(points, located, rows)
+
+
+def mixed_footprint(
+    stroke: Stroke, scene: Scene, tracer: RayTracer, located: Located, rows: NDArray, count: int, lights: LightSet
+) -> Mixture:
+    """Returns all that `count` rays a dab see, through what can be seen through."""
+    origin, aim = _rays(stroke, tracer, located, rows, count, 1.0)
+    dab, n = np.repeat(np.arange(len(rows)), count), len(rows)
+    ray, through = np.arange(len(dab)), np.ones(len(dab))
+    light = np.zeros((n, 3))
+    found: list[tuple[NDArray, ...]] = []
+    for _ in range(LAYERS):
+        hits = tracer.intersect(origin, aim[ray], stop_at_translucent=True)
+        is_hit = hits.triangle >= 0
+        _, shone = lights.seen(origin, aim[ray], np.where(is_hit, hits.distance, np.inf).astype(np.float32))
+        in_light = brightest(shone) > 0
+        away = ~is_hit & ~in_light
+        shone[away] += lights.background(aim[ray[away]])
+        np.add.at(light, dab[ray], through[ray, None] * shone / count)
+        hit = np.flatnonzero(is_hit & ~in_light)
+        if not len(hit):
+            break
+        ray, triangle, barycentric = ray[hit], hits.triangle[hit], hits.barycentric[hit]
+        opacity, presence = evaluate_opacity(scene, triangle, barycentric)
+        found.append((dab[ray], triangle, barycentric, through[ray] * presence))
+        through[ray] *= 1 - opacity
+        open_ = np.flatnonzero(through[ray] > LEAST_SHOWN)
+        ray, triangle, barycentric = ray[open_], triangle[open_], barycentric[open_]
+        position, _ = points_on_triangles(scene, triangle, barycentric)
+        normal = scene.triangles.face_normals[triangle]
+        behind = np.where((normal * aim[ray]).sum(1, keepdims=True) < 0, -normal, normal)
+        origin = tracer.offset_points(position, behind, triangle)
+    return _sorted(found, light, count, stroke, scene, located, rows)
+
+
+def _sorted(
+    found: list[tuple[NDArray, ...]], light: F64, count: int, stroke: Stroke, scene: Scene, located: Located,
+    rows: NDArray,
+) -> Mixture:  # fmt: skip
+    """Sorts the points of all layers into those of the painted material and those of others."""
+    n = len(rows)
+    none = (np.zeros(0, int), np.zeros(0, np.int32), np.zeros((0, 2), np.float32), np.zeros(0))
+    dab, triangle, barycentric, weight = (np.concatenate(x) for x in zip(none, *found, strict=True))
+    shows = weight > LEAST_SHOWN
+    dab, triangle, barycentric, weight = dab[shows], triangle[shows], barycentric[shows], weight[shows]
+    of_one_mesh = stroke.scope in ("prim", "stroke")
+    mine = _is_painted(triangle, dab, scene, located, rows, of_one_mesh)
+    parts = []
+    for chosen in (mine, ~mine):
+        share = np.bincount(dab[chosen], minlength=n)[dab[chosen]] / count  # what a mean over the points divides by
+        parts.append(((dab[chosen], triangle[chosen], barycentric[chosen]), weight[chosen] * share))
+    (own, weight), (other, other_weight) = parts
+    whole = _with_centres(own, located, rows)
+    weight = np.concatenate([weight, np.ones(len(whole[0]) - len(weight))])
+    is_seen = np.isin(np.arange(n), own[0])  # the centre stands for all of a dab that shows nothing of its material
+    kept = is_seen[other[0]]
+    dab, triangle, barycentric = (x[kept] for x in other)
+    return Mixture(whole, weight, (dab, triangle, barycentric), other_weight[kept], light * is_seen[:, None])
+
+
+def _rays(
+    stroke: Stroke, tracer: RayTracer, located: Located, rows: NDArray, count: int, reach: float
+) -> tuple[NDArray, NDArray]:
+    """Starts and unit directions (n * count, 3) of rays spread over `reach` brushes as the painter saw them."""
+    k = np.arange(count)
+    spiral = np.sqrt((k + 0.5) / count)[:, None] * np.stack([np.cos(2.39996 * k), np.sin(2.39996 * k)], -1)
+    center = located.position[rows].astype(np.float64)
+    stroke_row = located.row[rows]
+    origin = stroke.eye[stroke_row].astype(np.float64)
+    towards = center - origin
+    distance = np.linalg.norm(towards, axis=1)
+    frame = frames_about(towards / distance[:, None])
+    brush = stroke.widths[stroke_row]
+    disk = np.einsum("kc,ncj->nkj", spiral, frame[:, :2]) * (reach * brush / 2)[:, None, None]
+    aim = center[:, None] + disk - origin[:, None]
+    aim /= np.linalg.norm(aim, axis=2, keepdims=True)
+    shortest = np.minimum(2 * reach * brush, distance)
+    clear = np.maximum(distance - 0.5 * brush, 0) / np.maximum(distance, 1e-30)
+    hidden = tracer.occluded(origin, towards, clear.astype(np.float32))
+    near = center[:, None] + disk - aim * shortest[:, None, None]
+    start = np.where(hidden[:, None, None], near, origin[:, None])
+    return start.reshape(-1, 3).astype(np.float32), aim.reshape(-1, 3).astype(np.float32)
+
+
+def _is_painted(
+    triangle: NDArray, dab: NDArray, scene: Scene, located: Located, rows: NDArray, of_one_mesh: bool
+) -> NDArray[np.bool_]:
+    """Whether hits (m,) of rays of dabs (m,) are on the material, and the mesh, that the dab's centre is on."""
+    table, met = scene.triangles, np.maximum(triangle, 0)
+    center = located.triangle[rows][dab]
+    same = (triangle >= 0) & (table.material[met] == table.material[center])
+    return same & (table.mesh[met] == table.mesh[center]) if of_one_mesh else same
+
+
+def _with_centres(points: Points, located: Located, rows: NDArray) -> Points:
+    """The points, and the centre of each dab that has none: it is smaller than the rounding."""
+    dab, triangle, barycentric = points
+    missing = np.setdiff1d(np.arange(len(rows)), dab)
+    return (
+        np.concatenate([dab, missing]),
+        np.concatenate([triangle, located.triangle[rows[missing]]]).astype(np.int32),
+        np.concatenate([barycentric, located.barycentric[rows[missing]]]).astype(np.float32),
+    )
