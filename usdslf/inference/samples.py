@@ -93,11 +93,6 @@ class _Trace:
     rng: np.random.Generator = dataclass_field(default_factory=lambda: np.random.default_rng(7))
 
     @property
-    def sources(self) -> list[Any]:
-        """All lights."""
-        return [*self.lights.placed, *self.lights.domes]
-
-    @property
     def counts(self) -> NDArray[np.int64]:
         """Rays of each technique."""
         lobes = len(LOBE_ROUGHNESS)
@@ -222,17 +217,17 @@ def _trace(p: _Points, t: _Trace) -> Samples:
         np.where(usable, hits.triangle, -1), hits.barycentric.astype(np.float32), world
     )
     locals_, lights_in = [local], [_met_lights(starts, world, density, is_folded, hits, t).reshape(2, s, t.rays, 3)]
-    for source in t.sources:
+    for source in t.lights.sources:
         direction, light = _sample_source(source, p, t)
         locals_.append(direction)
         lights_in.append(np.stack([source.diffuse * light, source.specular * light]))
         tell()
     all_local = np.concatenate(locals_, 1)
-    detail = _detail(links_d, weights_d, world, density, hits, t)
+    detail = _detail(links_d, weights_d, world, density, hits, t) * _reflected(links_d, weights_d, hits, t)
     gain = np.zeros(all_local.shape)
     gain[:, : t.rays] = (inverse[:, None] * detail).reshape(s, t.rays, 3)
     light_d, light_s = np.concatenate(lights_in, 2).astype(np.float32)
-    is_split = any(source.diffuse != source.specular for source in t.sources)
+    is_split = any(source.diffuse != source.specular for source in t.lights.sources)
     return Samples(
         p.dab, p.surface, p.side, p.eye, device.upload(by_sixteen(all_local)), light_d, light_s if is_split else None,
         gain.astype(np.float32), links_d, weights_d, t.rays,
@@ -279,6 +274,17 @@ def _detail(
     return out
 
 
+def _reflected(links_d: Any, weights_d: Any, hits: Hits, t: _Trace) -> NDArray[np.float64]:
+    """Shares (n, 3) of what links carry that is reflected: what shines by itself is sampled as a light."""
+    out, emissive = np.ones((len(hits.triangle), 3)), t.lights.emissive
+    rows = np.flatnonzero((hits.triangle >= 0) & emissive.emits[hits.triangle])
+    if len(rows):
+        sent = t.field.follow_links(links_d, weights_d)[rows]
+        own = emissive.emission(hits.triangle[rows], hits.barycentric[rows])
+        out[rows] = np.clip(1 - own / np.maximum(sent, 1e-30), 0, 1)
+    return out
+
+
 def _folded(world: NDArray, geometric: NDArray) -> tuple[NDArray, NDArray[np.bool_]]:
     """Folds up directions (n, 3) that only the shading normal sends out, as pictures do; tells which (n,)."""
     below = np.einsum("nj,nj->n", world, geometric)
@@ -311,6 +317,12 @@ def _met_lights(starts: NDArray, world: NDArray, density: NDArray, is_folded: ND
             seen = radiance[met] / (density[met] + t.light_rays * pdf[met])[:, None]
             fixed[0, met] += placed.diffuse * seen
             fixed[1, met] += placed.specular * seen
+    emissive = t.lights.emissive
+    shining = np.flatnonzero(usable & (hits.triangle >= 0) & emissive.emits[hits.triangle])
+    if len(shining):
+        triangle = hits.triangle[shining]
+        p = t.light_rays * emissive.pdf(triangle, world[shining], hits.distance[shining])
+        fixed[:, shining] += emissive.emission(triangle, hits.barycentric[shining]) / (density[shining] + p)[:, None]
     return fixed
 
 
