@@ -1,0 +1,164 @@
+"""What does a path tracer see of the look that a stroke got, where it was wanted and everywhere else?
+
+    python tests/truth/seen_afterwards.py [NAME ...] [--set textured|tuning|twin] [--ways exact,uneven,swatch,few]
+                                          [--every N] [--elements N] [--samples N] [--json OUT]
+
+A case of the recovery suite is painted, solved and authored; the composed stage is path-traced, beside the stage
+before and the stage with the true change: B, G (got) and W (wanted), small pictures with the same random numbers.
+Over the pixels where W differs from B by more than CHANGED of the brighter one:
+
+    shown      = sum (G - B)(W - B) / sum (W - B)^2              1 where all of the change is seen
+and over all others
+    collateral = sum |G - W| / sum over the changed pixels of |W - B|
+
+What noise alone makes of `collateral` is printed beside it: B against another B.  Failures are named.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import tempfile
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+import numpy as np
+from numpy.typing import NDArray
+from reference.pathtracer import Tracer
+from truth.recovery.cases import SETS
+from truth.recovery.run_recovery import is_same_material, paint, read_truth, select
+from truth.recovery.stages import CAMERA, Case, build_stage
+from truth.recovery.textured_cases import TexturedCase
+
+import usdslf
+
+SIZE = (96, 72)
+CHANGED = 0.15  # of the brighter of two pictures
+FLOOR = 0.05  # of the picture's mean, that counts as brightness
+MAX_DEPTH = 8
+LEAST_SHOWN = {"exact": 0.9, "uneven": 0.85, "swatch": 0.8, "few": 0.8}  # medians that are aimed at
+MOST_COLLATERAL = 0.1  # in 95 % of the cases
+POOR = 0.5  # share shown, below which a case is named
+
+
+@dataclass(frozen=True)
+class Seen:
+    """What came of one stroke."""
+
+    case: str
+    way: str
+    wanted: str
+    inferred: str
+    is_right: bool
+    pixels: int  # that change
+    shown: float
+    collateral: float
+    noise: float  # what `collateral` is of noise alone
+
+    @property
+    def is_poor(self) -> bool:
+        """Whether little of the change is seen, or much else."""
+        return self.shown < POOR or self.collateral > MOST_COLLATERAL + self.noise
+
+    def __str__(self) -> str:
+        mark = "POOR " if self.is_poor else "ok   "
+        return (
+            f"{mark} {self.case:46s} {self.way:7s} {self.wanted:10s} {self.inferred:22s} {self.pixels:5d} pixels"
+            f"  shown {self.shown:6.3f}  collateral {self.collateral:.3f}  noise {self.noise:.3f}"
+        )
+
+
+def see_case(case: Case | TexturedCase, ways: list[str], elements: int, samples: int) -> Iterator[Seen]:
+    """Yields what a path tracer sees of each painter's look."""
+    truth = read_truth(case)
+    camera = truth.get("camera", CAMERA)
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        before, after = (_stage(case, folder / str(changed), changed) for changed in (False, True))
+        b, w = (trace(path, camera, samples) for path in (before, after))
+        other = trace(before, camera, samples, seed=977)
+        session = usdslf.open(before, elements=elements)
+        for way in ways:
+            stroke = paint(session, truth, way)
+            session.add_stroke(stroke)
+            session.solve()
+            report = session.report()["strokes"][0]
+            got = b
+            if report["inferred"] != "none":
+                session.author(folder / f"{way}.usda", review_root=folder / f"{way}_root.usda")
+                got = trace(folder / f"{way}_root.usda", camera, samples)
+            session.remove_stroke(stroke.name)
+            right = report["inferred"] == case.parameter and is_same_material(
+                case, truth["material"], report["material"]
+            )
+            shown, collateral, noise, count = compare(b, w, got, other)
+            yield Seen(case.name, way, case.parameter, report["inferred"], right, count, shown, collateral, noise)
+
+
+def compare(b: NDArray, w: NDArray, g: NDArray, other: NDArray) -> tuple[float, float, float, int]:
+    """Returns shown, collateral, its noise and how many pixels change, of pictures (h, w, 3); see above."""
+    brighter = np.maximum(b, w).max(-1) + FLOOR * b.mean()
+    changed = np.abs(w - b).max(-1) > CHANGED * brighter
+    wanted, got = (w - b)[changed], (g - b)[changed]
+    size = max(float(np.abs(wanted).sum()), 1e-12)
+    shown = float((wanted * got).sum() / max(float((wanted**2).sum()), 1e-12))
+    elsewhere = ~changed
+    return (
+        shown,
+        float(np.abs(g - w)[elsewhere].sum()) / size,
+        float(np.abs(other - b)[elsewhere].sum()) / size,
+        int(changed.sum()),
+    )
+
+
+def trace(stage: Path, camera: str, samples: int, seed: int = 5) -> NDArray:
+    """Returns a small picture (h, w, 3) of a stage."""
+    return Tracer(stage, max_depth=MAX_DEPTH).render(camera, *SIZE, samples, seed=seed)
+
+
+def _stage(case: Case | TexturedCase, folder: Path, changed: bool) -> Path:
+    return case.build(folder, changed) if isinstance(case, TexturedCase) else build_stage(case, folder, changed)
+
+
+def summary(found: list[Seen]) -> Iterator[str]:
+    """Yields a line for each painter."""
+    for way in dict.fromkeys(s.way for s in found):
+        mine = [s for s in found if s.way == way]
+        spoiled = [s for s in mine if s.collateral > MOST_COLLATERAL + s.noise]
+        aim = LEAST_SHOWN.get(way)
+        yield (
+            f"{way:7s} {len(mine)} cases, median shown {np.median([s.shown for s in mine]):.3f}"
+            f"{f' (aim {aim})' if aim else ''}, collateral below {MOST_COLLATERAL} in "
+            f"{1 - len(spoiled) / len(mine):.0%} (aim 95 %), median {np.median([s.collateral for s in mine]):.3f}"
+        )
+
+
+def main() -> None:
+    """Prints a line for each stroke, then one for each painter."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("names", nargs="*", help="parts of names; none: all of the set")
+    parser.add_argument("--set", default="textured", choices=list(SETS))
+    parser.add_argument("--ways", default="exact,swatch")
+    parser.add_argument("--every", type=int, default=1, help="take each N-th case")
+    parser.add_argument("--elements", type=int, default=4000)
+    parser.add_argument("--samples", type=int, default=128)
+    parser.add_argument("--json", type=Path)
+    a = parser.parse_args()
+    found: list[Seen] = []
+    for case in select(a.set, a.names)[:: a.every]:
+        for seen in see_case(case, a.ways.split(","), a.elements, a.samples):
+            print(seen, flush=True)
+            found.append(seen)
+    for row in summary(found):
+        print(row)
+    if a.json:
+        a.json.write_text(json.dumps([asdict(s) for s in found], indent=1))
+
+
+if __name__ == "__main__":
+    main()
