@@ -26,6 +26,7 @@ from usdslf.elements.lookup import ElementLookup
 from usdslf.errors import InputError, StageError
 from usdslf.gpu.device import Device, open_device
 from usdslf.inference.gathered import Gathered
+from usdslf.inference.pictured import Pictured
 from usdslf.light_field.light_field import LightField, require_memory
 from usdslf.light_field.static_light import static_light
 from usdslf.light_field.visibility import Visibility, trace_visibility
@@ -280,6 +281,13 @@ class Shot:
             made = tell_during(make)
         self.start.clear()
         return made
+
+    @Lazy
+    def pictured(self) -> Pictured:
+        """Its light as pictures see it, for evidence."""
+        tracer, field, lights = self.tracer, self.light_field, self.light_set
+        with step("evidence", self.seconds):
+            return tell_during(lambda: Pictured.of(tracer, field, lights))
 
     @Lazy
     def gathered(self) -> Gathered:

@@ -189,7 +189,7 @@ def find_solution(shot: Shot, strokes: Sequence[Stroke], settings: Settings | No
     with step("evidence", seconds):
         painted = []
         for stroke in asked:
-            gather = partial(gather_stroke, stroke, shot.scene, shot.tracer, before, shot.light_set)
+            gather = partial(gather_stroke, stroke, shot.scene, shot.pictured)
             painted.append(tell_during(partial(shot.gathered.of, stroke, gather, said)))
             tell(len(painted) / len(asked))
     with step("solve", seconds):

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 from usdslf.errors import SolveError
 from usdslf.inference.answers import Answer, Painted, changed_surface
 from usdslf.inference.first_answers import Asking, first_answers
+from usdslf.inference.pictured import Pictured
 from usdslf.inference.pools import pool_names, sort_into_pools
 from usdslf.inference.refits import (
     after_bounce,
@@ -48,20 +49,18 @@ def gather_strokes(
 
     Raises: StrokeError for a stroke that lies on no surface.
     """
-    return [gather_stroke(s, scene, tracer, field, lights, warnings) for s in strokes if s.active]
+    light = Pictured.of(tracer, field, lights)
+    return [gather_stroke(s, scene, light, warnings) for s in strokes if s.active]
 
 
-def gather_stroke(
-    stroke: Stroke, scene: Scene, tracer: RayTracer, field: LightField, lights: LightSet, warnings: list[str]
-) -> Painted:
-    """Traces the samples of one stroke, and reads what its tool asks of the light field before any edit.
+def gather_stroke(stroke: Stroke, scene: Scene, light: Pictured, warnings: list[str]) -> Painted:
+    """Traces the samples of one stroke, and reads what its tool asks of the light before any edit.
 
     Raises: StrokeError where it lies on no surface.
     """
     stroke = stroke.seen_from(scene.origin)
-    samples, rows = gather_samples(stroke, scene, tracer, field, lights, warnings)
-    wanted = wanted_radiance(stroke, rows, samples, scene, tracer, field, lights, warnings)
-    return Painted(stroke, samples, rows, wanted)
+    samples, rows = gather_samples(stroke, scene, light.tracer, light.field, light.lights, warnings, light)
+    return Painted(stroke, samples, rows, wanted_radiance(stroke, rows, samples, scene, light, warnings))
 
 
 def infer_changes(

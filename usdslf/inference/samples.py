@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdslf.inference.footprint import Mixture, footprint, is_of_picture, mixed_footprint
+from usdslf.inference.pictured import Pictured
 from usdslf.light_field.light_field import LightField
-from usdslf.light_field.links import element_of, is_link
 from usdslf.lights.sources import LightSet
 from usdslf.progress import tell
 from usdslf.sampling.frames import frames_about
@@ -34,8 +34,7 @@ LOBE_ROUGHNESS = (0.08, 0.22, 0.42, 0.7)  # of the rays; the first is less where
 SHARPEST = 0.04  # roughness; sharper lobes count as this
 LIGHT_RAYS = 4  # of a sample to each light
 ELSEWHERE = 96  # unpainted points of the painted materials
-BLACK = 0.01  # reflectance of elements below which they tell nothing of what is near
-MOST_DETAIL = 4.0  # times the elements' reflectance
+MOST_OF_LINK = 1e3  # times what the light field has, that a picture may see along a ray
 WIDE_ANGLE = 0.2  # [sr] of a dome that a ray sees which only the shading normal sent out
 
 
@@ -84,13 +83,16 @@ class _Points:
 class _Trace:
     """What rays are made of and meet.  A sample has `rays`: a part by cosine, the others by lobes of fixed widths."""
 
-    tracer: RayTracer
-    field: LightField
-    lights: LightSet
+    light: Pictured
     rays: int
     light_rays: int  # to each light
     sharpest: float = LOBE_ROUGHNESS[0]  # roughness of the first lobe
     rng: np.random.Generator = dataclass_field(default_factory=lambda: np.random.default_rng(7))
+
+    @property
+    def field(self) -> LightField:
+        """What surfaces send."""
+        return self.light.field
 
     @property
     def counts(self) -> NDArray[np.int64]:
@@ -113,9 +115,13 @@ class _Trace:
 
 
 def gather_samples(
-    stroke: Stroke, scene: Scene, tracer: RayTracer, field: LightField, lights: LightSet, warnings: list[str]
-) -> tuple[Samples, NDArray[np.int64]]:
+    stroke: Stroke, scene: Scene, tracer: RayTracer, field: LightField, lights: LightSet, warnings: list[str],
+    light: Pictured | None = None,
+) -> tuple[Samples, NDArray[np.int64]]:  # fmt: skip
     """Lays the stroke's dabs and traces the rays of their samples.
+
+    Args:
+        light: of the same light field and lights, where there is one already.
 
     Returns: the samples, and (n,) the row of the stroke of each dab.
 
@@ -147,14 +153,15 @@ def gather_samples(
     )
     seen_from = np.concatenate([eye[dab], np.broadcast_to(eye[dab].mean(0), (len(other), 3))])
     dab = np.concatenate([dab, len(rows) + np.arange(len(other))])
-    samples = trace_samples(dab, surface, seen_from, tracer, field, lights, rays)
+    light = light or Pictured.of(tracer, field, lights)
+    samples = trace_samples(dab, surface, seen_from, light, rays)
     if mixture is not None:
-        beside = _beside(mixture, eye, scene, _Trace(tracer, field, lights, rays, LIGHT_RAYS))
+        beside = _beside(mixture, eye, scene, light, rays)
         samples = replace(_weighed(samples, np.concatenate([weight[order], np.ones(len(other))])), beside=beside)
     return samples, located.row[rows]
 
 
-def _beside(mixture: Mixture, eye: NDArray, scene: Scene, t: _Trace) -> Beside | None:
+def _beside(mixture: Mixture, eye: NDArray, scene: Scene, light: Pictured, rays: int) -> Beside | None:
     """Traces what dabs, seen from eyes (n, 3), show beside the painted material; None where that is nothing."""
     order = np.argsort(mixture.other[0], kind="stable")
     dab, triangle, barycentric = (x[order] for x in mixture.other)
@@ -164,7 +171,7 @@ def _beside(mixture: Mixture, eye: NDArray, scene: Scene, t: _Trace) -> Beside |
     if not len(dab):
         return Beside(None, has_some, mixture.light)
     surface = evaluate_surface(scene, triangle, barycentric)
-    samples = trace_samples(number.reshape(-1), surface, eye[dab], t.tracer, t.field, t.lights, t.rays)
+    samples = trace_samples(number.reshape(-1), surface, eye[dab], light, rays)
     return Beside(_weighed(samples, mixture.other_weight[order]), has_some, mixture.light)
 
 
@@ -175,10 +182,7 @@ def _weighed(samples: Samples, weight: NDArray) -> Samples:
     return replace(samples, weight=weight, fixed=samples.fixed * by, fixed_specular=split, gain=samples.gain * by)
 
 
-def trace_samples(
-    dab: NDArray, surface: SurfacePoints, seen_from: NDArray, tracer: RayTracer, field: LightField, lights: LightSet,
-    rays: int,
-) -> Samples:  # fmt: skip
+def trace_samples(dab: NDArray, surface: SurfacePoints, seen_from: NDArray, light: Pictured, rays: int) -> Samples:
     """Traces the rays of samples, surface points of dabs (S,), each seen from an eye (S, 3) and sending `rays`."""
     eye = seen_from - surface.position
     eye /= np.linalg.norm(eye, axis=1, keepdims=True)
@@ -188,10 +192,10 @@ def trace_samples(
     frames = frames_about(turned_to_viewer(surface.normal * flip, geometric, eye))
     e = np.einsum("sij,sj->si", frames, eye)
     e = (e / np.linalg.norm(e, axis=1, keepdims=True)).astype(np.float32)
-    origin = tracer.offset_points(surface.position, geometric, surface.triangle)
+    origin = light.tracer.offset_points(surface.position, geometric, surface.triangle)
     points = _Points(dab, surface, side, e, frames, geometric, origin)
     sharpest = float(np.clip(np.median(surface.roughness), SHARPEST, LOBE_ROUGHNESS[0]))
-    return _trace(points, _Trace(tracer, field, lights, rays, LIGHT_RAYS, sharpest))
+    return _trace(points, _Trace(light, rays, LIGHT_RAYS, sharpest))
 
 
 def _elsewhere(field: LightField, tracer: RayTracer, materials: NDArray, eye: NDArray) -> NDArray[np.int64]:
@@ -210,24 +214,24 @@ def _trace(p: _Points, t: _Trace) -> Samples:
     local, world, density = _make_rays(p, t)
     starts = np.repeat(p.origin, t.rays, 0)
     world, is_folded = _folded(world, np.repeat(p.geometric, t.rays, 0))
-    hits = t.tracer.intersect(starts, world)
+    hits = t.light.tracer.intersect(starts, world)
     usable = density > 0
     inverse = np.where(usable, 1 / np.where(usable, density, 1), 0)
     links_d, weights_d = t.field.link_hits(
         np.where(usable, hits.triangle, -1), hits.barycentric.astype(np.float32), world
     )
     locals_, lights_in = [local], [_met_lights(starts, world, density, is_folded, hits, t).reshape(2, s, t.rays, 3)]
-    for source in t.lights.sources:
+    for source in t.light.lights.sources:
         direction, light = _sample_source(source, p, t)
         locals_.append(direction)
         lights_in.append(np.stack([source.diffuse * light, source.specular * light]))
         tell()
     all_local = np.concatenate(locals_, 1)
-    detail = _detail(links_d, weights_d, world, density, hits, t) * _reflected(links_d, weights_d, hits, t)
     gain = np.zeros(all_local.shape)
-    gain[:, : t.rays] = (inverse[:, None] * detail).reshape(s, t.rays, 3)
+    pictured = _as_pictured(links_d, weights_d, world, density, p, t)
+    gain[:, : t.rays] = (inverse[:, None] * pictured).reshape(s, t.rays, 3)
     light_d, light_s = np.concatenate(lights_in, 2).astype(np.float32)
-    is_split = any(source.diffuse != source.specular for source in t.lights.sources)
+    is_split = any(source.diffuse != source.specular for source in t.light.lights.sources)
     return Samples(
         p.dab, p.surface, p.side, p.eye, device.upload(by_sixteen(all_local)), light_d, light_s if is_split else None,
         gain.astype(np.float32), links_d, weights_d, t.rays,
@@ -249,40 +253,24 @@ def _make_rays(p: _Points, t: _Trace) -> tuple[NDArray, NDArray, NDArray]:
     return device.download(local_d), world, density
 
 
-def _detail(
-    links_d: Any, weights_d: Any, world: NDArray, density: NDArray, hits: Hits, t: _Trace
+def _as_pictured(
+    links_d: Any, weights_d: Any, world: NDArray, density: NDArray, p: _Points, t: _Trace
 ) -> NDArray[np.float64]:
-    """Factors (n, 3) on what links carry: the reflectance where rays hit over that of the elements they are tied to.
+    """Factors (n, 3) on what links carry along n rays: what pictures see there over what the light field has.
 
-    A reflection that is finer than the elements shows the texture of what is near, not the elements' blend of it.
+    The light field blends elements: in corners, beside lamps and where reflections are finer than elements, pictures
+    follow the ray instead, and so does this.  What shines by itself is sampled as a light.
     """
-    out = np.ones((len(world), 3))
-    scene, device = t.tracer.scene, t.field.device
-    rows = np.flatnonzero((hits.triangle >= 0) & (density > 0))
-    cosine = np.einsum("nj,nj->n", scene.triangles.face_normals[hits.triangle[rows]], world[rows])
-    covered = hits.distance[rows].astype(np.float64) ** 2 * t.rays / np.maximum(density[rows] * np.abs(cosine), 1e-9)
-    rows = rows[covered < t.field.elements.area.mean()]
-    if not len(rows):
-        return out
-    links, weights = device.download(links_d)[rows], device.download(weights_d)[rows].astype(np.float64)
-    weights *= is_link(links)
-    element = np.where(is_link(links), element_of(links), 0)
-    met = evaluate_surface(scene, hits.triangle[rows], hits.barycentric[rows])
-    blended = np.einsum("nk,nkc->nc", weights, (t.field.surface.diffuse + t.field.surface.f0)[element])
-    own = met.diffuse + met.f0
-    out[rows] = np.where(blended > BLACK, np.clip(own / np.maximum(blended, BLACK), 0, MOST_DETAIL), 1)
-    return out
-
-
-def _reflected(links_d: Any, weights_d: Any, hits: Hits, t: _Trace) -> NDArray[np.float64]:
-    """Shares (n, 3) of what links carry that is reflected: what shines by itself is sampled as a light."""
-    out, emissive = np.ones((len(hits.triangle), 3)), t.lights.emissive
-    rows = np.flatnonzero((hits.triangle >= 0) & emissive.emits[hits.triangle])
-    if len(rows):
-        sent = t.field.follow_links(links_d, weights_d)[rows]
-        own = emissive.emission(hits.triangle[rows], hits.barycentric[rows])
-        out[rows] = np.clip(1 - own / np.maximum(sent, 1e-30), 0, 1)
-    return out
+    out, hit = np.ones((len(world), 3)), np.flatnonzero(density > 0)
+    sent = t.field.follow_links(links_d, weights_d)[hit]
+    lit = sent.max(1) > 0
+    hit, sent = hit[lit], sent[lit]
+    sample = hit // t.rays
+    seen = t.light.gatherer.reflected_along(
+        p.origin[sample], p.geometric[sample].astype(np.float32), world[hit], (density[hit] / t.rays).astype(np.float32)
+    )  # fmt: skip
+    out[hit] = seen / np.maximum(sent, 1e-30)
+    return np.minimum(out, MOST_OF_LINK)
 
 
 def _folded(world: NDArray, geometric: NDArray) -> tuple[NDArray, NDArray[np.bool_]]:
@@ -301,7 +289,7 @@ def _met_lights(starts: NDArray, world: NDArray, density: NDArray, is_folded: ND
     usable = (density > 0) & ~is_folded
     missed = (hits.triangle < 0) & usable
     wide = (hits.triangle < 0) & (density > 0) & is_folded
-    for dome in t.lights.domes:
+    for dome in t.light.lights.domes:
         seen = dome.dome.radiance(world[wide], WIDE_ANGLE) / density[wide, None]
         fixed[0, wide] += dome.diffuse * seen
         fixed[1, wide] += dome.specular * seen
@@ -309,7 +297,7 @@ def _met_lights(starts: NDArray, world: NDArray, density: NDArray, is_folded: ND
         seen = dome.dome.radiance(world[missed], None) / (density[missed] + p)[:, None]
         fixed[0, missed] += dome.diffuse * seen
         fixed[1, missed] += dome.specular * seen
-    for placed in t.lights.placed:
+    for placed in t.light.lights.placed:
         if not placed.is_delta:
             distance, radiance, pdf = placed.intersect(starts, world)
             met = usable & (distance < np.where(hits.triangle < 0, np.inf, hits.distance) * 1.0001)
@@ -317,7 +305,7 @@ def _met_lights(starts: NDArray, world: NDArray, density: NDArray, is_folded: ND
             seen = radiance[met] / (density[met] + t.light_rays * pdf[met])[:, None]
             fixed[0, met] += placed.diffuse * seen
             fixed[1, met] += placed.specular * seen
-    emissive = t.lights.emissive
+    emissive = t.light.lights.emissive
     shining = np.flatnonzero(usable & (hits.triangle >= 0) & emissive.emits[hits.triangle])
     if len(shining):
         triangle = hits.triangle[shining]
@@ -365,7 +353,7 @@ def _sample_source(source: Any, p: _Points, t: _Trace) -> tuple[NDArray, NDArray
         density = device.download(density_d).reshape(-1).astype(np.float64)
     shines = up & (arrival.pdf > 0) & (arrival.radiance.max(1) > 0)
     rows = np.flatnonzero(shines)
-    blocked = t.tracer.occluded(start[rows], arrival.direction[rows], arrival.distance[rows] * np.float32(0.9999))
+    blocked = t.light.tracer.occluded(start[rows], arrival.direction[rows], arrival.distance[rows] * np.float32(0.9999))
     rows = rows[~blocked]
     light = np.zeros((s * k, 3))
     if source.is_delta:

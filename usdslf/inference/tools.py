@@ -37,9 +37,9 @@ from usdslf.geometry.closest_point import nearest_on_triangles
 from usdslf.inference.bilinear import bilinear
 from usdslf.inference.evidence import evaluate_columns, mean_by, sent_radiance, unchanging_radiance
 from usdslf.inference.footprint import footprint
+from usdslf.inference.pictured import Pictured
 from usdslf.inference.samples import RAYS, SAMPLES, Samples, trace_samples
 from usdslf.light_field.light_field import LightField
-from usdslf.lights.sources import LightSet
 from usdslf.sampling.frames import frames_about
 from usdslf.sampling.low_discrepancy import random_shifts, sobol_points
 from usdslf.scene.cameras import camera_rays
@@ -134,20 +134,19 @@ def expected_error(strokes: Sequence[Stroke]) -> float:
 
 
 def wanted_radiance(
-    stroke: Stroke, stroke_row: NDArray, samples: Samples, scene: Scene, tracer: RayTracer, field: LightField,
-    lights: LightSet, warnings: list[str],
-) -> F64 | None:  # fmt: skip
+    stroke: Stroke, stroke_row: NDArray, samples: Samples, scene: Scene, light: Pictured, warnings: list[str]
+) -> F64 | None:
     """Reads the radiance (n, 3) that the stroke asks for at its dabs; None where it is just the painted colours.
 
     Args:
         stroke_row: (n,) the stroke's point of each dab, as of `gather_samples`.
-        field: before any edit.
+        light: before any edit.
 
     Raises: StrokeError where a source to clone lies on no surface.
     """
     if stroke.tool == "replace" and stroke.strength == 1:
         return None
-    n = len(stroke_row)
+    n, field = len(stroke_row), light.field
     columns = evaluate_columns(samples, field, samples.surface.roughness[:, None].astype(np.float64))
     radiance = mean_by(_sum(columns, samples, field), samples.dab)[:n]
     if asks_for_nothing(stroke):
@@ -157,9 +156,9 @@ def wanted_radiance(
         painted = painted * mean_by(columns[:, 0, 0] + columns[:, 0, 1], samples.dab)[:n]
     source = blurred = None
     if stroke.tool == "clone":
-        source = _at_source(stroke, stroke_row, scene, tracer, field, lights, warnings)
+        source = _at_source(stroke, stroke_row, scene, light, warnings)
     if stroke.tool in ("blur", "sharpen"):
-        blurred = _blurred(stroke, stroke_row, scene, tracer, field, lights)
+        blurred = _blurred(stroke, stroke_row, scene, light)
     return apply_tool(stroke.tool, Seen(radiance, painted, source, blurred), stroke.strength)
 
 
@@ -169,13 +168,11 @@ def _sum(columns: F64, samples: Samples, field: LightField) -> F64:
     return bilinear(columns, d, f0, f90, False, field.model).p[:, 0] + unchanging_radiance(samples, field)
 
 
-def _blurred(
-    stroke: Stroke, stroke_row: NDArray, scene: Scene, tracer: RayTracer, field: LightField, lights: LightSet
-) -> F64:
+def _blurred(stroke: Stroke, stroke_row: NDArray, scene: Scene, light: Pictured) -> F64:
     """B (n, 3): rays of their own for each point and direction, so that sharp lobes are met too."""
     located = locate_stroke(scene, stroke)
     rows = np.searchsorted(located.row, stroke_row)
-    points = footprint(stroke, scene, tracer, located, rows, BLUR_POINTS, BLUR_REACH)
+    points = footprint(stroke, scene, light.tracer, located, rows, BLUR_POINTS, BLUR_REACH)
     dab, triangle, barycentric = (np.repeat(x, BLUR_EYES, 0) for x in points)
     order = np.argsort(dab, kind="stable")
     dab, surface = dab[order], evaluate_surface(scene, triangle[order], barycentric[order])
@@ -195,14 +192,11 @@ def _blurred(
     aside = (sigma * np.sqrt(u / (1 - u)))[:, None] * np.stack([np.cos(2 * np.pi * v), np.sin(2 * np.pi * v)], -1)
     turned = frame[:, 2] + np.einsum("nc,ncj->nj", aside, frame[:, :2])
     seen_from = surface.position + turned * distance / np.linalg.norm(turned, axis=1, keepdims=True)
-    samples = trace_samples(dab, surface, seen_from, tracer, field, lights, BLUR_RAYS)
-    return mean_by(sent_radiance(samples, field), dab)
+    samples = trace_samples(dab, surface, seen_from, light, BLUR_RAYS)
+    return mean_by(sent_radiance(samples, light.field), dab)
 
 
-def _at_source(
-    stroke: Stroke, stroke_row: NDArray, scene: Scene, tracer: RayTracer, field: LightField, lights: LightSet,
-    warnings: list[str],
-) -> F64:  # fmt: skip
+def _at_source(stroke: Stroke, stroke_row: NDArray, scene: Scene, light: Pictured, warnings: list[str]) -> F64:
     """Radiance (n, 3) at the points to clone from, through the same brush, to the same eye.
 
     A source that lies on no surface is the one that the eye sees behind or before it.
@@ -215,7 +209,7 @@ def _at_source(
     if len(off):
         eye = stroke.eye[stroke_row[off]].astype(np.float64)
         way = point[off] - eye
-        hits = tracer.intersect(eye, way / np.linalg.norm(way, axis=1, keepdims=True))
+        hits = light.tracer.intersect(eye, way / np.linalg.norm(way, axis=1, keepdims=True))
         triangle[off], barycentric[off] = hits.triangle, hits.barycentric
     found = np.flatnonzero(triangle >= 0)
     if not len(found):
@@ -227,15 +221,15 @@ def _at_source(
         warnings.append(f"{stroke.path}: {lost} dabs clone from no surface; the source of the next dab is used")
     on, at = triangle[found].astype(np.int32), barycentric[found].astype(np.float32)
     located = Located(stroke_row[found], on, at, *points_on_triangles(scene, on, at), False)
-    points = footprint(stroke, scene, tracer, located, np.arange(len(found)), SAMPLES[0])
+    points = footprint(stroke, scene, light.tracer, located, np.arange(len(found)), SAMPLES[0])
     order = np.argsort(points[0], kind="stable")
     dab, triangle, barycentric = (x[order] for x in points)
     surface = evaluate_surface(scene, triangle, barycentric)
     seen_from = stroke.eye[stroke_row[found]][dab].astype(np.float64)
-    samples = trace_samples(dab, surface, seen_from, tracer, field, lights, RAYS // SAMPLES[0])
-    light = mean_by(sent_radiance(samples, field), dab)
+    samples = trace_samples(dab, surface, seen_from, light, RAYS // SAMPLES[0])
+    sent = mean_by(sent_radiance(samples, light.field), dab)
     next_one = np.abs(np.arange(len(stroke_row))[:, None] - found[None]).argmin(1)
-    return light[next_one]
+    return sent[next_one]
 
 
 def offset_on_picture(

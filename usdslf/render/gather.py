@@ -161,16 +161,21 @@ class Gatherer:
             done = [part for _, part in told(parts)]
         return (np.concatenate(c) for c in zip(*done, strict=True))
 
+    def reflected_along(self, origin: F32, geometric_normal: F32, direction: F32, pdf: F32, seed: int = 0) -> F32:
+        """Returns the radiance (n, 3) that surfaces reflect along rays from points, as pictures see it.
+
+        Args:
+            origin: (n, 3) off the surface; geometric_normal: (n, 3) on the side that the rays leave.
+            direction: (n, 3) unit; pdf: (n,) with which each was drawn [1/sr].
+        """
+        ratio = np.zeros((len(origin), len(self.lights.sources)), np.float32)
+        rays = _Rays(origin, geometric_normal, direction, pdf, pdf, ratio, np.arange(len(pdf), dtype=np.uint32), pdf)
+        return self._incoming(rays, 1, seed)[1]
+
     def _sample_lights(
-        self,
-        p: ShadingPoints,
-        place: NDArray[np.uint32],
-        near_place: NDArray[np.uint32],
-        rays: int,
-        light_samples: int,
-        seed: int,
-        times: int = 0,
-    ) -> tuple[F32, F32, F32]:
+        self, p: ShadingPoints, place: NDArray[np.uint32], near_place: NDArray[np.uint32], rays: int,
+        light_samples: int, seed: int, times: int = 0,
+    ) -> tuple[F32, F32, F32]:  # fmt: skip
         """Returns the columns of lights (n, 5, 3) and of domes (n, 5, 3), and the radiance of delta lights (n, 3).
 
         `times` > 0 asks for domes only, with so many times the samples.
@@ -196,13 +201,7 @@ class Gatherer:
         return near, far, exact
 
     def _send_rays(
-        self,
-        p: ShadingPoints,
-        place: NDArray[np.uint32],
-        rays: int,
-        light_samples: int,
-        seed: int,
-        times: int = 1,
+        self, p: ShadingPoints, place: NDArray[np.uint32], rays: int, light_samples: int, seed: int, times: int = 1
     ) -> tuple[F32, F32]:
         """Returns columns (n, 5, 3) of what rays of the lobes meet: of lights, and of surfaces."""
         n, share = len(p), light_samples / rays
