@@ -33,13 +33,27 @@ import usdslf
 from usdslf.scene.cameras import camera_rays
 
 ASSETS = Path(__file__).resolve().parents[3] / "shared/assets"
-SIZE = (320, 240)
-RADIUS = 0.01  # of the picture's height: 2.4 pixels
-DABS = 24
 LEAST_PIXELS = 300  # of a material
 WANTED = 0.02  # residual, or twice the noise
 FLOOR = 0.1  # of the mean, in the denominator of a relative residual
 SPLIT = 8  # of a pixel's side, where a dab's edge cuts it
+
+
+@dataclass(frozen=True)
+class Setting:
+    """How it is measured."""
+
+    samples: int = 64  # of the pictures
+    elements: int = 4000
+    dabs: int = 24  # of a material
+    size: tuple[int, int] = (320, 240)
+    radius: float = 0.01  # of a dab, in picture heights: 2.4 pixels
+    keep: Path | None = None  # folder of pictures
+
+    @property
+    def pixels(self) -> float:
+        """Radius of a dab [pixels]."""
+        return self.radius * self.size[1]
 
 
 @dataclass(frozen=True)
@@ -67,20 +81,20 @@ class Identity:
         )
 
 
-def measure(shot: Shot, samples: int, elements: int, dabs: int, keep: Path | None = None) -> Iterator[Identity]:
+def measure(shot: Shot, setting: Setting) -> Iterator[Identity]:
     """Yields the identity of each material of a shot."""
     with tempfile.TemporaryDirectory() as folder:
-        session = usdslf.open(build_shot(shot, ASSETS, Path(folder)), elements=elements)
+        session = usdslf.open(build_shot(shot, ASSETS, Path(folder)), elements=setting.elements)
         camera = session.camera(shot.camera)
-        pictures = two_pictures(session, camera, shot.name, samples, keep)
-        shown = materials_shown(session, camera)
+        pictures = two_pictures(session, camera, shot.name, setting)
+        shown = materials_shown(session, camera, setting)
         for m in np.unique(shown[shown >= 0]):
-            centers = places_on(shown == m, dabs)
-            if len(centers) < dabs:
+            centers = places_on(shown == m, setting)
+            if len(centers) < setting.dabs:
                 continue
             start = time.perf_counter()
-            colors, other = (disc_means(p, centers) for p in pictures)
-            report = paint_back(session, camera, centers, colors)
+            colors, other = (disc_means(p, centers, setting.pixels) for p in pictures)
+            report = paint_back(session, camera, centers, colors, setting)
             # Two pictures differ by sqrt(2) of the noise of one.
             noise = relative(colors, other) / np.sqrt(2)
             path = report["material"] or f"material {m}"
@@ -89,33 +103,36 @@ def measure(shot: Shot, samples: int, elements: int, dabs: int, keep: Path | Non
             yield Identity(shot.name, path, len(centers), residual, noise, report["inferred"], seconds)
 
 
-def two_pictures(session: Any, camera: Any, name: str, samples: int, keep: Path | None) -> list[NDArray]:
+def two_pictures(session: Any, camera: Any, name: str, setting: Setting) -> list[NDArray]:
     """Returns two pictures of other seeds, read from a folder where they are in it."""
-    kept = keep / f"{name}_{samples}.npz" if keep else None
+    kept = setting.keep / f"{name}_{setting.samples}.npz" if setting.keep else None
     if kept and kept.exists():
         with np.load(kept) as both:
             return [both["first"], both["second"]]
-    first, second = (session.render(camera, SIZE, samples=samples, seed=seed)["color"] for seed in (0, 1))
+    first, second = (
+        session.render(camera, setting.size, samples=setting.samples, seed=seed)["color"] for seed in (0, 1)
+    )
     if kept:
         kept.parent.mkdir(parents=True, exist_ok=True)
         np.savez(kept, first=first, second=second)
     return [first, second]
 
 
-def materials_shown(session: Any, camera: Any) -> NDArray:
+def materials_shown(session: Any, camera: Any, setting: Setting) -> NDArray:
     """Returns the material (height, width) in the middle of each pixel, -1 where nothing is seen."""
-    x, y = np.meshgrid((np.arange(SIZE[0]) + 0.5) / SIZE[0], (np.arange(SIZE[1]) + 0.5) / SIZE[1])
+    width, height = setting.size
+    x, y = np.meshgrid((np.arange(width) + 0.5) / width, (np.arange(height) + 0.5) / height)
     rays = camera_rays(camera, np.stack([x.ravel(), y.ravel()], -1), ASPECT)
     hits = session.tracer.intersect(rays.origin, rays.direction)
     is_seen = (hits.triangle >= 0) & (hits.distance <= rays.limit)
     found = session.scene.triangles.material[np.maximum(hits.triangle, 0)]
-    return np.where(is_seen, found, -1).reshape(SIZE[1], SIZE[0])
+    return np.where(is_seen, found, -1).reshape(height, width)
 
 
-def paint_back(session: Any, camera: Any, centers: NDArray, colors: NDArray) -> dict[str, Any]:
+def paint_back(session: Any, camera: Any, centers: NDArray, colors: NDArray, setting: Setting) -> dict[str, Any]:
     """Paints colours (n, 3) at pixels (n, 2; column, row) and returns the report of the stroke."""
-    paths = [((c + 0.5) / SIZE)[None] for c in centers]
-    stroke = usdslf.paint_stroke(session.scene, session.tracer, camera, paths, RADIUS, aspect=ASPECT)
+    paths = [((c + 0.5) / setting.size)[None] for c in centers]
+    stroke = usdslf.paint_stroke(session.scene, session.tracer, camera, paths, setting.radius, aspect=ASPECT)
     assert len(stroke.counts) == len(paths), "a dab missed its surface"
     stroke = replace(stroke, colors=np.repeat(colors.astype(np.float32), stroke.counts, axis=0))
     session.add_stroke(stroke)
@@ -126,9 +143,9 @@ def paint_back(session: Any, camera: Any, centers: NDArray, colors: NDArray) -> 
         session.remove_stroke(stroke.name)
 
 
-def places_on(mask: NDArray, count: int) -> NDArray:
-    """Returns `count` pixels (count, 2; column, row) anywhere on a mask, dabs apart; fewer where it is small."""
-    reach = int(np.ceil(RADIUS * SIZE[1]))
+def places_on(mask: NDArray, setting: Setting) -> NDArray:
+    """Returns pixels (dabs, 2; column, row) anywhere on a mask, dabs apart; fewer where it is small."""
+    reach = int(np.ceil(setting.pixels))
     inside = np.zeros_like(mask)
     inside[reach:-reach, reach:-reach] = mask[reach:-reach, reach:-reach]
     if mask.sum() < LEAST_PIXELS:
@@ -137,14 +154,13 @@ def places_on(mask: NDArray, count: int) -> NDArray:
     places = np.random.default_rng(3).permutation(np.stack([columns, rows], -1))
     chosen: list[NDArray] = []
     for place in places:
-        if len(chosen) < count and all(np.hypot(*(place - c)) >= 2 * reach for c in chosen):
+        if len(chosen) < setting.dabs and all(np.hypot(*(place - c)) >= 2 * reach for c in chosen):
             chosen.append(place)
     return np.array(chosen).reshape(-1, 2)
 
 
-def disc_means(picture: NDArray, centers: NDArray) -> NDArray:
+def disc_means(picture: NDArray, centers: NDArray, radius: float) -> NDArray:
     """Returns the mean colours (n, 3) of the picture within a dab about each centre, pixels by their share of it."""
-    radius = RADIUS * SIZE[1]
     reach = int(np.ceil(radius))
     x, y = np.meshgrid(np.arange(-reach, reach + 1), np.arange(-reach, reach + 1))
     part = (np.arange(SPLIT) + 0.5) / SPLIT - 0.5
@@ -163,15 +179,15 @@ def main() -> None:
     """Prints a line for each material and the worst of each asset."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("shots", nargs="*", help=f"of {', '.join(SHOTS)}; none: all")
-    parser.add_argument("--samples", type=int, default=64)
-    parser.add_argument("--elements", type=int, default=4000)
-    parser.add_argument("--dabs", type=int, default=DABS)
+    parser.add_argument("--samples", type=int, default=Setting.samples)
+    parser.add_argument("--elements", type=int, default=Setting.elements)
+    parser.add_argument("--dabs", type=int, default=Setting.dabs)
     parser.add_argument("--keep", type=Path, help="folder of pictures")
     parser.add_argument("--json", type=Path)
     a = parser.parse_args()
     found: list[Identity] = []
     for name in a.shots or SHOTS:
-        for identity in measure(SHOTS[name], a.samples, a.elements, a.dabs, a.keep):
+        for identity in measure(SHOTS[name], Setting(a.samples, a.elements, a.dabs, keep=a.keep)):
             print(identity, flush=True)
             found.append(identity)
     for name in dict.fromkeys(i.shot for i in found):
