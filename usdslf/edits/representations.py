@@ -84,7 +84,8 @@ def least_collateral(
     if best.make is None:
         return change
     baked = bake_set(m, best.make, place, color)
-    warnings.append(f"{m.path}: {' and '.join(baked)} get textures of their own, so that its maps keep their meaning")
+    get = "get textures of their own" if len(baked) > 1 else "gets a texture of its own"
+    warnings.append(f"{m.path}: {' and '.join(baked)} {get}, so that its maps keep their meaning")
     return replace(change, baked={**change.baked, **baked}, values=best.values)
 
 
