@@ -173,6 +173,10 @@ __kernel void draw_first(
     int is_diffuse = sends_diffuse && largest(row3(surface, DIFFUSE)) > 0.0f;
     int element = (int)surface[ELEMENT], each = streams == source_count;
     float by_guide = element < 0 ? 0.0f : guided;
+    /* wide and weak reflections, over a diffuse colour, get fewer rays */
+    int is_weak = lobe.alpha > WEAK_ALPHA && lobe.e.z > WEAK_COSINE && bright(row3(surface, F_ZERO)) < WEAK_F_ZERO
+                  && largest(row3(surface, DIFFUSE)) > 0.0f && !(lobe.coat > 0.0f);
+    float sent = is_weak ? WEAK_SHARE : 1.0f;
     float w[WEIGHTS], lobe_pdf, coat_pdf;
 
     for (int s = 0; s < streams; s++) {
@@ -189,7 +193,7 @@ __kernel void draw_first(
         if (!(l.z > 0.0f && inner(geometric, a.direction) > 0.0f)) continue;
         weights_of(lobe, l, unit(lobe.e + l), w, &lobe_pdf, &coat_pdf);
         float sampled = a.density * chance * (each ? 1.0f : (float)streams);
-        float specular = (1.0f - chance_of_coat) * lobe_pdf + chance_of_coat * coat_pdf;
+        float specular = sent * ((1.0f - chance_of_coat) * lobe_pdf + chance_of_coat * coat_pdf);
         int alone = source[SRC_ALONE] > 0.0f; /* rays of the lobes do not meet it */
         float diffuse = 0.0f;
         if (is_diffuse && !alone) {
@@ -213,6 +217,7 @@ __kernel void draw_first(
         ray_length[to] = 0.0f;
         if (kind == 1 && !is_diffuse) continue;
         float4 u = shifted(numbers[(streams + kind) * SET + at], shift);
+        if (kind == 0 && !(u.w < sent)) continue;
         float3 l, h, d;
         if (kind == 0) {
             mirrored_by(u.z < chance_of_coat ? lobe.coat_alpha : lobe.alpha, lobe.e, u.xy, &l, &h);
@@ -230,7 +235,7 @@ __kernel void draw_first(
         if (!(l.z > 0.0f)) continue;
         weights_of(lobe, l, h, w, &lobe_pdf, &coat_pdf);
         lobe_pdf = kind == 0 ? (1.0f - chance_of_coat) * lobe_pdf + chance_of_coat * coat_pdf : l.z / PI_F;
-        float pdf = lobe_pdf;
+        float pdf = kind == 0 ? sent * lobe_pdf : lobe_pdf;
         if (kind == 1 && by_guide > 0.0f)
             pdf = (1.0f - by_guide) * lobe_pdf + by_guide * guided_density(guides, frames, element, d);
         if (!(pdf > 0.0f)) continue;
@@ -241,7 +246,7 @@ __kernel void draw_first(
         out[RAY_FOLDED] = fold(geometric, &d) ? 1.0f : 0.0f;
         out[RAY_ELEMENT] = surface[ELEMENT];
         /* what a ray brings to a matte surface, drawn from both lobes: sharp reflections are not judged */
-        out[RAY_MATTE] = lobe_pdf >= SHARP_PDF ? 0.0f : kind == 1 ? l.z / (PI_F * pdf) : 2.0f * l.z / (l.z + PI_F * pdf);
+        out[RAY_MATTE] = lobe_pdf >= SHARP_PDF ? 0.0f : kind == 1 ? l.z / (PI_F * pdf) : 2.0f * l.z / (l.z + PI_F * lobe_pdf);
         store3(start, ray_origin, to);
         store3(d, ray_direction, to);
         ray_length[to] = 1e37f;

@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from typing import Any
 from weakref import finalize
 
 import numpy as np
@@ -28,6 +29,7 @@ FAR = np.float32(1e37)  # Embree's "no limit"
 CHUNK = 16384  # rays of one run: their records stay in the second-level cache
 MAX_LAYERS = 32  # see-through surfaces that a ray may pass
 ULPS = 16.0  # offset of ray origins, in units of the last place of the coordinates
+MOST = 0.8  # share of rows that are rays, above which the others are traced with them
 LIFT = 0.2  # of their distance: how far two places are lifted to look at each other
 
 Opacity = Callable[[I32, F32], F32]
@@ -136,8 +138,13 @@ class RayTracer:
         triangle, u, v, distance = found
 
         def run(rows: slice) -> None:
-            met = self._embree.run(origin[rows], direction[rows], dists=length[rows].copy(), output=True)
-            triangle[rows], u[rows], v[rows], distance[rows] = met["primID"], met["u"], met["v"], met["tfar"]
+            at = _there(length, rows)
+            if at is not rows:
+                triangle[rows] = -1
+                if not len(at):
+                    return
+            met = self._embree.run(origin[at], direction[at], dists=length[at].copy(), output=True)
+            triangle[at], u[at], v[at], distance[at] = met["primID"], met["u"], met["v"], met["tfar"]
 
         self._run_chunks(len(length), run)
         if self._clear is None:
@@ -160,8 +167,10 @@ class RayTracer:
             return
 
         def run(rows: slice) -> None:
-            met = self._embree.run(origin[rows], direction[rows], dists=length[rows].copy(), query="OCCLUDED")
-            blocked[rows] = met == 0
+            at = _there(length, rows)
+            if at is not rows and not len(at):
+                return
+            blocked[at] = self._embree.run(origin[at], direction[at], dists=length[at].copy(), query="OCCLUDED") == 0
 
         self._run_chunks(len(length), run)
 
@@ -250,6 +259,12 @@ class RayTracer:
 
     def _material_opacity(self, triangle: I32, barycentric: F32) -> F32:
         return evaluate_opacity(self.scene, triangle, barycentric)[0]
+
+
+def _there(length: F32, rows: slice) -> Any:
+    """Returns which of some rows are rays, that is, have a length; all where most are: then moving them costs more."""
+    there = np.flatnonzero(length[rows] > 0)
+    return rows if len(there) > MOST * (rows.stop - rows.start) else there + rows.start
 
 
 def points_at(corners: NDArray, triangle: NDArray, barycentric: NDArray) -> NDArray:

@@ -43,6 +43,8 @@ FILTERED_FRAMES = 4  # from which on the filter is faded out, until each pixel h
 KNOWN_FRAMES = 4.0  # of gathered diffuse light, that the elements' light counts as
 EDGE_COSINE = 0.9  # between normals of neighbours, below which there is an edge
 DIFFUSE_COLUMNS = 2  # X and Y come first
+WEAK_SHARE = 0.25  # of the frames in which a ray of a wide and weak specular lobe is sent: wider, and seen less
+WEAK_ALPHA, WEAK_COSINE, WEAK_F_ZERO = 0.15, 0.3, 0.06  # at a grazing angle, than these
 LITTLE = 0.05  # throughput of paths below which they end by chance
 WIDE_SIDE = 64  # of the octahedral table of a dome's wide radiance
 
@@ -50,7 +52,8 @@ _FLOATS = {
     "MIN_ALPHA": MIN_ALPHA, "OFFSET": ULPS * 2**-23, "WIDE_PDF": WIDE_PDF, "SHARP_PDF": SHARP_PDF,
     "CAUSTIC_ROUGHNESS": CAUSTIC_ROUGHNESS, "RAY_MOST": RAY_MOST, "UNEVEN": UNEVEN, "BRIGHT": BRIGHT, "LITTLE": LITTLE,
     "KNOWN_FRAMES": KNOWN_FRAMES, "EDGE_COSINE": EDGE_COSINE, "NORMAL_COSINE": NORMAL_COSINE, "LOBE_WIDTH": FLAT_SHARE,
-    "WIDEST": WIDEST,
+    "WIDEST": WIDEST, "WEAK_SHARE": WEAK_SHARE, "WEAK_ALPHA": WEAK_ALPHA, "WEAK_COSINE": WEAK_COSINE,
+    "WEAK_F_ZERO": WEAK_F_ZERO,
 }  # fmt: skip
 CONSTANTS: dict[str, object] = {
     **{name: value for name, value in list(globals().items()) if name.isupper() and isinstance(value, int)},
