@@ -30,6 +30,6 @@ def test_picture_agrees_with_the_path_tracer(name: str, tmp_path: Path) -> None:
         *_, last = usdslf.live_picture(session.shot, CAMERA, size=SIZE).frames(FRAMES)
         live = last.picture
         assert relative_error(live, truth) < LIVE[name]
-        assert np.abs(live.mean((0, 1)) / picture.mean((0, 1)) - 1).max() < 0.01
+        assert np.abs(live.mean((0, 1)) / truth.mean((0, 1)) - 1).max() < 0.01
         assert relative_error(live, picture) < 0.025
     assert not session.warnings
