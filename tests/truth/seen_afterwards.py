@@ -11,7 +11,7 @@ Over the pixels where W differs from B by more than CHANGED of the brighter one:
 and over all others
     collateral = sum |G - W| / sum over the changed pixels of |W - B|
 
-What noise alone makes of `collateral` is printed beside it: B against another B.  Failures are named.
+What B against a B of other random numbers would make of `collateral` is printed beside it.  Failures are marked.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ class Seen:
     @property
     def is_poor(self) -> bool:
         """Whether little of the change is seen, or much else."""
-        return self.shown < POOR or self.collateral > MOST_COLLATERAL + self.noise
+        return self.shown < POOR or self.collateral > MOST_COLLATERAL
 
     def __str__(self) -> str:
         mark = "POOR " if self.is_poor else "ok   "
@@ -129,7 +129,7 @@ def summary(found: list[Seen]) -> Iterator[str]:
     """Yields a line for each painter."""
     for way in dict.fromkeys(s.way for s in found):
         mine = [s for s in found if s.way == way]
-        spoiled = [s for s in mine if s.collateral > MOST_COLLATERAL + s.noise]
+        spoiled = [s for s in mine if s.collateral > MOST_COLLATERAL]
         aim = LEAST_SHOWN.get(way)
         yield (
             f"{way:7s} {len(mine)} cases, median shown {np.median([s.shown for s in mine]):.3f}"
