@@ -6,33 +6,19 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from kit.dull_tables import BEFORE, N, dull_tables
 
-from usdslf.inference.bilinear import Bilinear, Tables, swatches
+from usdslf.inference.bilinear import swatches
 from usdslf.inference.candidate import Candidate
 from usdslf.inference.fit import shared_errors
+from usdslf.inference.paint_errors import refit_as_painted
 from usdslf.inference.residuals import relative_scale
 from usdslf.inference.solve import refit, refit_problem
 from usdslf.inference.uncertainty import interval, probabilities
 from usdslf.inference.weights import Options
 from usdslf.surfaces.reflectance import moved_roughness
 
-N = 24
 TRUE = np.array([0.12, -0.05, 0.2])  # change of the diffuse colour
-BEFORE = np.array([0.3, 0.4, 0.2])
-
-
-def tables(rng: np.random.Generator) -> Tables:
-    """One stroke of N dabs on a dull surface, in light that differs from dab to dab."""
-    x = rng.uniform(0.5, 2.0, (N, 1, 1)) * np.ones((N, 1, 3))
-    none = np.zeros_like(x)
-    dabs = Bilinear(BEFORE * x + 0.05, x, 0.3 * x, none)
-    return Tables(
-        target=dabs.p[:, 0], scale=relative_scale(dabs.p[:, 0]), place=rng.random((N, 3)), stroke=np.zeros(N, np.int64),
-        has_one_color=np.zeros(N, bool), swatch=np.full(N, -1), dabs=dabs, factor_u=none, factor_w=none, factor_v=none,
-        background=Bilinear.empty(1), background_scale=np.zeros((0, 3)), elsewhere=Bilinear.empty(1),
-        dab_levels=np.full((N, 1), 0.5), levels=np.array([0.5]), diffuse=BEFORE, f0=np.full(3, 0.04),
-        roughness=0.5, is_metal=False, is_textured=False,
-    )  # fmt: skip
 
 
 @pytest.mark.parametrize(("shared", "own"), [(1.0, 0.3), (0.05, 0.05), (0.3, 1.0)])
@@ -41,13 +27,13 @@ def test_intervals_hold_the_truth_nine_times_of_ten(shared: float, own: float) -
     rng, o = np.random.default_rng(3), Options()
     inside, half = [], []
     for _ in range(400):
-        t = tables(rng)
+        t = dull_tables(rng)
         wanted = t.dabs.p[:, 0] + TRUE * t.dabs.u[:, 0]
         cov = shared * shared_errors(t, o) + own * o.dab_error**2 * np.eye(3 * N)
         root = np.linalg.cholesky(cov + 1e-12 * np.eye(3 * N))  # the same draws with any LAPACK
         error = (root @ rng.standard_normal(3 * N)).reshape(N, 3)
         t = replace(t, target=wanted + error * relative_scale(wanted), scale=relative_scale(wanted))
-        found = refit(refit_problem(t, o), Candidate(("diffuse",), level=0, freedoms=3))
+        found = refit_as_painted(t, o, refit(refit_problem(t, o), Candidate(("diffuse",), level=0, freedoms=3)))
         low, high = interval(t, o, found).diffuse
         inside += list((low <= BEFORE + TRUE) & (high >= BEFORE + TRUE))
         half.append(float((high - low).mean() / 2))
@@ -56,10 +42,10 @@ def test_intervals_hold_the_truth_nine_times_of_ten(shared: float, own: float) -
 
 
 def test_exact_paint_has_narrow_intervals_and_what_is_not_freed_none() -> None:
-    t = tables(np.random.default_rng(4))
+    t = dull_tables(np.random.default_rng(4))
     wanted = t.dabs.p[:, 0] + TRUE * t.dabs.u[:, 0]
     t = replace(t, target=wanted, scale=relative_scale(wanted))
-    found = refit(refit_problem(t), Candidate(("diffuse",), level=0, freedoms=3))
+    found = refit_as_painted(t, Options(), refit(refit_problem(t), Candidate(("diffuse",), level=0, freedoms=3)))
     got = interval(t, Options(), found)
     assert (got.diffuse[1] - got.diffuse[0]).max() < 0.06
     np.testing.assert_array_equal(got.specular[0], got.specular[1])

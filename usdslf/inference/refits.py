@@ -22,6 +22,7 @@ from usdslf.inference.bilinear import pool_tables
 from usdslf.inference.candidate import Candidate
 from usdslf.inference.evidence import Evidence, evaluate_columns
 from usdslf.inference.fit import Way, bounds_of_tables, hold_energy
+from usdslf.inference.paint_errors import refit_as_painted
 from usdslf.inference.samples import Samples
 from usdslf.inference.solve import refit, refit_problem, relative_error
 from usdslf.inference.varying import as_candidate, as_spread, refit_varying
@@ -57,6 +58,8 @@ def refit_answer(
             chosen = replace(best, roughness_shift=float(tables.levels[best.level] - tables.roughness))
         else:
             chosen = refit(refit_problem(tables, options), replace(chosen, level=tables.own))
+        if all(e.stroke.tool == "replace" for e in mine):  # the other tools make no errors of a painter's
+            chosen = refit_as_painted(tables, options, chosen)
     before, after = means_of(tables, chosen)
     return replace(answer, chosen=chosen, tables=tables, before=before, after=after)
 

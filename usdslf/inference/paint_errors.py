@@ -1,0 +1,247 @@
+"""Paint errors: what a painter got wrong in a pool of strokes, read off what an explanation leaves of the paint.
+
+    paint_errors(tables, options, candidate) -> PaintErrors
+    refit_as_painted(tables, options, candidate) -> Candidate, fitted by the errors of just this paint
+
+Paint is what a surface shows times 1 + error, so that residuals are relative to what the candidate shows, and an error
+has the covariance, over dabs i, j and channels,
+
+    C = a (drift^2 exp(-ROUGH |x_i - x_j| / l) 1 + tint^2 I) + b dab^2 I / trust^2 + SURE^2 I    (of one stroke)
+
+where 1 and I go over the channels.  How large a and b are is read off the residual in the part of it that neither the
+candidate's parameters nor the brightness of a whole stroke can explain (restricted maximum likelihood, averaged over a
+grid), so that a careful painter is believed and a careless one is heard for the contrast.  A dab that is far off what
+its neighbours say (an edge, a thin part) loses trust.  Dabs that share a swatch count as their mean.  The exponential
+keeps rough errors possible: with a smoother one, small steps among dabs would prove large drifts.
+
+Source: Patterson and Thompson 1971 (restricted likelihood); Aitken 1935 (generalized least squares); Lange, Little and
+Taylor 1989 (trust by Student's t).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from usdslf.inference.bilinear import Tables
+from usdslf.inference.candidate import Candidate, is_grey
+from usdslf.inference.fit import Problem, Way, fit, relative_residuals
+from usdslf.inference.residuals import mean_by_stroke, relative_scale
+from usdslf.inference.weights import Options
+from usdslf.scene.records import F64
+
+SIZES_ALIKE, SIZES_OWN = np.geomspace(1e-4, 4.0, 19), np.geomspace(1e-3, 4.0, 19)  # of a and b that are tried
+USUAL, SPREAD = (0.03, 0.03), 1.5  # middle and width (natural logarithm) of what a and b are where the dabs are few
+TOGETHER = 0.6  # correlation of both: who is careless with dabs is so with the stroke
+ROUGH = 0.7  # of the inverse length of drift, which the exponential needs to be as smooth near by
+SURE = 0.01  # relative error that all dabs may share, and twice that which each has: the light field's own
+SLACK = 1.4  # by which the variance of single dabs grows, as t's scale is less than its width
+OF_SWATCH = 0.25  # of the variance of what a swatch shows (natural logarithms) that its mean is uncertain by
+DEGREES = 2.0  # of freedom of Student's t
+ROUNDS = 3
+COLOR_GAIN = 16.0  # misfit for which a grey specular change becomes coloured; grey paint gains 9 at most
+COLORED = 0.05  # range of the channels of F0 that is a colour
+MOST_GROUPS = 96  # dabs and swatches that a and b are read off
+
+
+@dataclass(frozen=True)
+class PaintErrors:
+    """Covariance of relative residuals, of m dabs and swatches of n dabs, and the columns of what is free."""
+
+    together: F64  # (m, n) takes the mean of dabs that share a swatch, and leaves the others
+    alike: float  # a
+    own: float  # b
+    trust: F64  # (m,) 0..1
+    covariance: F64  # (3 m, 3 m)
+
+    @property
+    def white(self) -> F64:
+        """Matrix (3 m, 3 n) that makes relative residuals independent, of unit variance."""
+        root: F64 = np.linalg.inv(np.linalg.cholesky(self.covariance)) @ np.kron(self.together, np.eye(3))
+        return root
+
+
+def refit_as_painted(t: Tables, o: Options, c: Candidate) -> Candidate:
+    """Fits what a candidate frees again, by the errors that this paint shows, glossiness on all levels but the own.
+
+    A grey specular change becomes coloured where this paint is too careful for its hue to be an error.
+
+    Args:
+        c: fitted already, at a level of the tables.
+    """
+    if not c.freed:
+        return c
+    found, errors = _refit(t, o, c)
+    if "specular" not in c.freed or not is_grey(c):
+        return found
+    colored, errors = _refit(t, o, replace(c, freedoms=c.freedoms + 2))
+    problem = Problem(as_shown(t, colored), replace(o, outlier=1e9), errors.white)
+    gain = _fitted(problem, c, colored.level).misfit - _fitted(problem, colored, colored.level).misfit
+    is_colored = gain > COLOR_GAIN and np.ptp(colored.f0_of(t.f0)) > COLORED
+    return colored if is_colored else found
+
+
+def _refit(t: Tables, o: Options, c: Candidate) -> tuple[Candidate, PaintErrors]:
+    """The candidate fitted by the errors that it leaves, and those."""
+    levels = range(t.own) if "glossiness" in c.freed else (c.level,)
+    trust = None
+    for _ in range(ROUNDS):
+        t = as_shown(t, c)
+        errors = paint_errors(t, o, c, trust)
+        problem = Problem(t, replace(o, outlier=1e9), errors.white)
+        c = _between_levels(t, [_fitted(problem, c, level) for level in levels])
+        trust = _trust(t, o, c, errors)
+    return c, errors
+
+
+def _fitted(problem: Problem, c: Candidate, level: int) -> Candidate:
+    found = fit(problem, Way.of(c), level)
+    return replace(c, level=level, delta_diffuse=found.dd, delta_f0=found.df, misfit=found.misfit)
+
+
+def _between_levels(t: Tables, fits: list[Candidate]) -> Candidate:
+    """The best fit, its roughness at the bottom of the parabola through the misfits of its neighbours."""
+    best = int(np.argmin([c.misfit for c in fits]))
+    c = fits[best]
+    if "glossiness" not in c.freed:
+        return c
+    at = float(t.levels[c.level])
+    if 0 < best < len(fits) - 1:
+        x = np.array([t.levels[f.level] for f in fits[best - 1 : best + 2]])
+        y = np.array([f.misfit for f in fits[best - 1 : best + 2]])
+        if np.ptp(x) > 1e-9 and (np.diff(x) != 0).all():
+            bend, slope, _ = np.polyfit(x - at, y, 2)
+            if bend > 0:
+                at = float(np.clip(at - 0.5 * slope / bend, *sorted((0.5 * (x[0] + x[1]), 0.5 * (x[1] + x[2])))))
+    return replace(c, roughness_shift=at - t.roughness)
+
+
+def as_shown(t: Tables, c: Candidate) -> Tables:
+    """Returns the tables with residuals relative to what a candidate shows, as paint is that times an error.
+
+    Dabs of one swatch have one scale, for their mean is compared; where there are several swatches, the half way to
+    what was painted, so that the logarithms' mean is: a palette's colours are chosen by ratios.
+    """
+    shown, group = np.abs(c.radiance(t)), t.group
+    count = np.bincount(group)
+    shown = np.stack([np.bincount(group, shown[:, k]) / count for k in range(3)], 1)[group]
+    several = (t.swatch >= 0) & ~t.has_one_color
+    shown = np.where(several[:, None], 0.5 * (shown + np.abs(t.target)), shown)
+    mean = mean_by_stroke(t.target, t.stroke, t.before)
+    return replace(t, scale=relative_scale(shown, mean[:, None]))
+
+
+def columns_of(t: Tables, c: Candidate) -> tuple[list[tuple[str, int | None]], list[F64]]:
+    """Derivatives (3 n,) of the relative radiance of the dabs by what a candidate frees, and what each is of."""
+    j, n = c.level, len(t.target)
+    names: list[tuple[str, int | None]] = []
+    columns: list[F64] = []
+
+    def add(name: str, g: F64, one_value: bool) -> None:
+        if one_value:
+            names.append((name, None))
+            columns.append((g / t.scale).reshape(-1))
+            return
+        for channel in range(3):
+            column = np.zeros((n, 3))
+            column[:, channel] = (g / t.scale)[:, channel]
+            names.append((name, channel))
+            columns.append(column.reshape(-1))
+
+    b = t.with_factors(c.is_factor_diffuse, c.is_factor_f0).at_level(c.level)
+    if "diffuse" in c.freed:
+        g = b.u - c.delta_f0 * b.w
+        add("diffuse", g / np.maximum(t.diffuse, 1e-6) if c.is_factor_diffuse else g, False)
+    if "specular" in c.freed:
+        g = b.v - c.delta_diffuse * b.w
+        add("specular", g / np.maximum(t.f0, 1e-6) if c.is_factor_f0 else g, is_grey(c))
+    if "glossiness" in c.freed:
+        low, high = max(j - 1, 0), min(j + 1, t.own - 1)
+        ends = [replace(c, level=k).radiance(t) for k in (low, high)]
+        apart = float(t.levels[high] - t.levels[low])
+        add("roughness", (ends[1] - ends[0]) / apart if abs(apart) > 1e-9 else 0 * ends[0], True)
+    return names, columns
+
+
+def paint_errors(t: Tables, o: Options, c: Candidate, trust: F64 | None = None) -> PaintErrors:
+    """Returns how large the errors of the paint are, if a candidate is what is meant.
+
+    Args:
+        t: as_shown, where the candidate is near.
+        trust: (m,) in each dab or swatch; None: by the residual alone.
+    """
+    group = t.group
+    one = (group[None] == np.arange(group.max() + 1)[:, None]).astype(float)
+    count = one.sum(1)
+    together = one / count[:, None]
+    residual = (together @ relative_residuals(t, c)).reshape(-1)
+    if trust is None:
+        size = count * (residual.reshape(-1, 3) ** 2).sum(1)
+        trust = np.sqrt(np.minimum(1, (DEGREES + 3) / (DEGREES + 3 * size / (np.median(size) + 3 * (2 * SURE) ** 2))))
+    by_channel = lambda m: np.kron(m, np.eye(3))  # noqa: E731
+    drift, same = _shared(t, o)
+    drift, same = together @ drift @ together.T, together @ same @ together.T
+    alike = np.kron(drift, np.ones((3, 3))) + by_channel(o.tint_error**2 * same)
+    own = np.repeat(trust * np.sqrt(count), 3) / o.dab_error
+    columns = by_channel(together) @ np.stack(columns_of(t, c)[1], 1) if c.freed else np.zeros((3 * len(one), 0))
+    whole = np.kron(together @ _of_strokes(t), np.ones((3, 1)))
+    a, b = _sizes(own * residual, own[:, None] * np.concatenate([columns, whole], 1), own[:, None] * alike * own)
+    b = max(b, (2 * SURE / o.dab_error) ** 2)
+    single = SLACK * b / own**2 + _of_swatch_means(t, c, together).reshape(-1)
+    covariance = a * alike + SURE**2 * by_channel(same) + np.diag(single)
+    return PaintErrors(together, a, b, trust, covariance)
+
+
+def _of_swatch_means(t: Tables, c: Candidate, together: F64) -> F64:
+    """Variance (m, 3) of what a palette's colours mean where much is shown: means of several kinds differ by spread."""
+    shown = np.maximum(np.abs(c.radiance(t)), 1e-2 * np.abs(t.target).mean() + 1e-9)
+    logs = np.log(shown)
+    spread = together @ logs**2 - (together @ logs) ** 2
+    several = together @ ((t.swatch >= 0) & ~t.has_one_color).astype(float)
+    return several[:, None] * (OF_SWATCH * np.maximum(spread, 0)) ** 2
+
+
+def _of_strokes(t: Tables) -> F64:
+    """(n, strokes) 1 where a dab is of a stroke."""
+    return (t.stroke[:, None] == np.unique(t.stroke)[None]).astype(float)
+
+
+def _shared(t: Tables, o: Options) -> tuple[F64, F64]:
+    """Covariance (n, n) of drift, and which dabs are of one stroke."""
+    same = (t.stroke[:, None] == t.stroke[None]).astype(float)
+    gap = np.linalg.norm(t.place[:, None] - t.place[None], axis=-1)
+    extent = np.array([gap[np.ix_(t.stroke == s, t.stroke == s)].max() for s in t.stroke])
+    drift = same * np.exp(-ROUGH * gap / np.maximum(o.drift_length * extent, 1e-9)[:, None])
+    return o.drift_error**2 * 0.5 * (drift + drift.T), same
+
+
+def _sizes(y: F64, explained: F64, alike: F64) -> tuple[float, float]:
+    """Sizes a and b of errors a `alike` + b I in y (k,), of which columns (k, p) may explain anything."""
+    if len(y) > 3 * MOST_GROUPS:
+        some = np.linspace(0, len(y) // 3 - 1, MOST_GROUPS).round().astype(int)
+        rows = (3 * some[:, None] + np.arange(3)).reshape(-1)
+        y, explained, alike = y[rows], explained[rows], alike[np.ix_(rows, rows)]
+    left = np.linalg.svd(explained, full_matrices=True)
+    rank = int((1e-9 * left.S.max(initial=1e-30) < left.S).sum())
+    rest = left.U[:, rank:]
+    size, turn = np.linalg.eigh(rest.T @ alike @ rest)
+    seen = (turn.T @ (rest.T @ y)) ** 2
+    a, b = (x.reshape(-1, 1) for x in np.meshgrid(SIZES_ALIKE, SIZES_OWN, indexing="ij"))
+    variance = a * np.maximum(size, 0) + b
+    log = -0.5 * (np.log(variance) + seen / variance).sum(1, keepdims=True)
+    of_a, of_b = np.log(a / USUAL[0]) / SPREAD, np.log(b / USUAL[1]) / SPREAD
+    log -= 0.5 * (of_a**2 + of_b**2 - 2 * TOGETHER * of_a * of_b) / (1 - TOGETHER**2)
+    chance = np.exp(log - log.max())
+    chance /= chance.sum()
+    return float((chance * np.sqrt(a)).sum() ** 2), float((chance * np.sqrt(b)).sum() ** 2)
+
+
+def _trust(t: Tables, o: Options, c: Candidate, errors: PaintErrors) -> F64:
+    """Trust (m,) in each dab or swatch, by what is left of it beside what it shares with the others."""
+    residual = (errors.together @ relative_residuals(t, c)).reshape(-1)
+    count = 1 / (errors.together**2).sum(1)
+    variance = errors.own * o.dab_error**2 / (count * errors.trust**2)
+    own = np.repeat(variance, 3) * np.linalg.solve(errors.covariance, residual)
+    size = (own.reshape(-1, 3) ** 2).sum(1) * count / (errors.own * o.dab_error**2)
+    return np.sqrt(np.minimum(1, (DEGREES + 3) / (DEGREES + size)))
