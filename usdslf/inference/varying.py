@@ -23,11 +23,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from usdslf.inference.attainable import error_of
 from usdslf.inference.bilinear import Tables
 from usdslf.inference.candidate import Candidate
 from usdslf.inference.evidence import Evidence, mean_by
 from usdslf.inference.fit import Problem
-from usdslf.inference.solve import refit, refit_problem, relative_error, score
+from usdslf.inference.solve import refit, refit_problem, score
 from usdslf.inference.weights import Options
 from usdslf.scene.records import F64
 from usdslf.similarity.similarity import Places, Weights, blocks, reach_of, shares
@@ -209,11 +210,12 @@ def asks_to_vary(t: Tables, o: Options, a: VaryingAnswer, constant: Candidate) -
 
     By their costs, if it foresees each dab from the others better than the constant has it: a few dabs in a highlight
     may have all the freedoms.  Or where no constant comes near what was painted and this foresees it: of a picture in
-    many colours the best constant is as far off everywhere, which passes for a painter's drift.
+    many colours the best constant is as far off everywhere, which passes for a painter's drift.  Of dabs that share a
+    colour the mean has to be met, as in everything else.
     """
-    if a.mean.cost < constant.cost and a.error_left_out < relative_error(t, constant):
+    if a.mean.cost < constant.cost and a.error_left_out < error_of(t, constant):
         return True
-    best = relative_error(t, refit(refit_problem(t, o), constant))
+    best = error_of(t, refit(refit_problem(t, o), constant))
     return best > HOPELESS and a.error_left_out < NEARER * best
 
 
