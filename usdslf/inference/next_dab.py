@@ -3,11 +3,13 @@
     next_dab(answer, seen, scene, tracer, field, lights, others) -> NextDab
 
 Places on a grid of the picture that show the answer's material are lit as dabs are (evidence.py), each explanation says
-what they would look like, and the place with the largest difference over a painter's error is taken:
+what they would look like, and the place is taken where one dab tells the answer from its rivals best:
 
-    gain = mean over channels of (L_1 - L_2)^2 / (sigma^2 (|L_0| + 0.1 mean |L_0|)^2),    sigma = dab_error
+    gain = d' C^-1 d,    d = (L_1 - L_2) / (m + 0.1 mean m),    C = drift^2 1 + (tint^2 + dab^2) I
 
-with L_0 the radiance as it is.  Where the best gain is small no single dab decides, which `is_decisive` says.
+over the three channels, m the mean of |L_1| and |L_2|, and the errors of weights.py.  Rivals count by their
+probabilities, and each with MOST_GAIN at most, as what is decided need not be decided twice.  Where the gain over the
+nearest rival is small no single dab decides, which `is_decisive` says.
 
 Source: Lindley 1956, On a measure of the information provided by an experiment (for two hypotheses of one variance).
 """
@@ -25,6 +27,7 @@ from usdslf.inference.bilinear import Tables, pool_tables
 from usdslf.inference.candidate import Candidate
 from usdslf.inference.evidence import build_evidence
 from usdslf.inference.samples import gather_samples
+from usdslf.inference.uncertainty import TEMPERATURE
 from usdslf.inference.weights import Options
 from usdslf.light_field.light_field import LightField
 from usdslf.lights.sources import LightSet
@@ -39,6 +42,8 @@ ACROSS = 24  # places on the longer side of the picture
 RADIUS = 0.01  # of a dab, in picture heights
 MARGIN = 0.04  # of the picture's sides, where nobody paints
 LEAST_GAIN = 9.0  # three standard deviations: a dab there decides
+MOST_GAIN = 25.0  # five of them, beyond which a rival is gone
+RIVAL_COST = 12.0  # beyond the nearest rival's, above which one is none
 
 
 @dataclass(frozen=True)
@@ -65,10 +70,10 @@ def next_dab(
     Raises: SolveError where the camera does not see the material, or there is one explanation only.
     """
     options = options or Options()
-    rivals = [c for c in answer.candidates if c.id != answer.chosen.id]
+    rivals = sorted((c for c in answer.candidates if c.id != answer.chosen.id), key=lambda c: c.cost)
     if not rivals:
         raise SolveError("there is one explanation only; no dab is needed to tell it from others")
-    pair = (answer.chosen, min(rivals, key=lambda c: c.cost))
+    pair = (answer.chosen, rivals[0])
     path = scene.materials[answer.pool.material].path or "the material"
     aspect = camera.horizontal_aperture / camera.vertical_aperture
     nx, ny = (ACROSS, max(2, round(ACROSS / aspect))) if aspect >= 1 else (max(2, round(ACROSS * aspect)), ACROSS)
@@ -84,11 +89,13 @@ def next_dab(
     evidence = build_evidence(stroke, rows, samples, field, None)
     here = np.flatnonzero(evidence.material == answer.pool.material)
     tables = pool_tables([evidence], answer.pool.material, field.model)
-    looks = [_look(tables, c) for c in pair]
-    own = tables.before
-    scale = options.dab_error * (np.abs(own) + 0.1 * np.abs(own).mean())
-    gain = (((looks[0] - looks[1]) / scale) ** 2).mean(1)
-    best = int(gain.argmax())
+    look = _look(tables, answer.chosen)
+    near = [c for c in rivals if c.cost < pair[1].cost + RIVAL_COST]
+    chance = np.exp(-np.array([c.cost - pair[1].cost for c in near]) / TEMPERATURE)
+    gains = np.stack([_gain(look, _look(tables, c), options) for c in near])
+    best = int((chance[:, None] * np.minimum(gains, MOST_GAIN)).sum(0).argmax())
+    gain = gains[0]
+    looks = [look, _look(tables, pair[1])]
     at = stroke.points[painted.rows[here[best]]]
     where = places[_curve_of(stroke.counts, int(painted.rows[here[best]]))]
     return NextDab(
@@ -96,6 +103,15 @@ def next_dab(
         {c.id: tuple(float(v) for v in look[best]) for c, look in zip(pair, looks, strict=True)},  # type: ignore[misc]
         float(gain[best]), bool(gain[best] >= LEAST_GAIN),
     )  # fmt: skip
+
+
+def _gain(one: F64, other: F64, o: Options) -> F64:
+    """Squared difference (n,) of two looks (n, 3) over the variance of one dab."""
+    size = 0.5 * (np.abs(one) + np.abs(other))
+    off = (one - other) / (size + 0.1 * size.mean() + 1e-9)
+    c = o.drift_error**2 * np.ones((3, 3)) + (o.tint_error**2 + o.dab_error**2) * np.eye(3)
+    found: F64 = np.einsum("ni,ij,nj->n", off, np.linalg.inv(c), off)
+    return found
 
 
 def _shows(material: int, places: F64, camera: Camera, scene: Scene, tracer: RayTracer) -> np.ndarray:
