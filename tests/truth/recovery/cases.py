@@ -24,9 +24,7 @@ def _s(diffuse: InputValue, specular: tuple | float, roughness: float) -> dict[s
     return {"useSpecularWorkflow": 1.0, "diffuseColor": diffuse, "specularColor": f0, "roughness": roughness}
 
 
-def _m(
-    diffuse: InputValue, roughness: float, metallic: float = 0.0, ior: float = 1.5
-) -> dict[str, InputValue]:
+def _m(diffuse: InputValue, roughness: float, metallic: float = 0.0, ior: float = 1.5) -> dict[str, InputValue]:
     """A material of the metal workflow."""
     return {"diffuseColor": diffuse, "metallic": metallic, "roughness": roughness, "ior": ior}
 
@@ -128,9 +126,7 @@ TUNING = [
     _case("single", "ball", "area", S, _s(_tex(0.5, 0.5, 0.5), 0.04, 0.25), _f0(0.3), 46, "checker"),
     _case("room", "ball", "area", G, _m(_tex(0.4, 0.4, 0.4), 0.45, 0.0, 2.2), _r(0.15), 47, "noise"),
     _case("room", "floor", "area", D, _m(_tex(), 0.4), {"diffuseColor": _tex(0.4, 0.45, 0.8)}, 48, "checker"),
-    _case(
-        "single", "box", "sky", D, _s(_tex(), 0.05, 0.4), {"diffuseColor": _tex(0.35, 0.8, 0.45)}, 49, "noise"
-    ),
+    _case("single", "box", "sky", D, _s(_tex(), 0.05, 0.4), {"diffuseColor": _tex(0.35, 0.8, 0.45)}, 49, "noise"),
     _case("table", "ball", "sky", S, _m(_tex(0.5, 0.5, 0.5), 0.2), _ior(2.5), 50, "checker"),
     _case("single", "vase", "sky", G, _s(_tex(0.6, 0.6, 0.6), 0.2, 0.5), _r(0.2), 51, "noise", up="Z"),
     _case(
@@ -143,9 +139,7 @@ TUNING = [
         52,
         "checker",
     ),
-    _case(
-        "table", "torus", "distant", S, _s(_tex(0.5, 0.5, 0.5), 0.04, 0.35), _f0(0.4, 0.4, 0.4), 53, "noise"
-    ),
+    _case("table", "torus", "distant", S, _s(_tex(0.5, 0.5, 0.5), 0.04, 0.35), _f0(0.4, 0.4, 0.4), 53, "noise"),
     _case("single", "ball", "distant", G, _m(_tex(0.5, 0.5, 0.5), 0.25, 0.0, 2.0), _r(0.5), 54, "checker"),
     _case(
         "single",
@@ -191,13 +185,26 @@ TWINS = [
     ),
 ]
 
+
+def _colored(*args: Any, **options: Any) -> Case:
+    return _case(*args, set_name="colored", **options)
+
+
+# Dielectrics whose specular becomes slightly coloured, which grey explains nearly: exact paint tells them apart.
+COLORED = [
+    _colored("single", "box", "area", S, _s((0.2, 0.22, 0.25), 0.04, 0.3), _f0(0.35, 0.3, 0.2), 301),
+    _colored("table", "box", "sky", S, _s((0.3, 0.1, 0.08), 0.05, 0.25), _f0(0.35, 0.3, 0.2), 302),
+    _colored("room", "sphere", "area", S, _s((0.1, 0.2, 0.15), 0.04, 0.2), _f0(0.2, 0.3, 0.4), 303),
+]
+
 # Cases that no method can decide, with the reason.
 UNDECIDABLE: dict[str, str] = {}
 
-CASES = TUNING + TWINS
+CASES = TUNING + TWINS + COLORED
 SETS: dict[str, list[Case] | list[TexturedCase]] = {
     "tuning": TUNING,
     "twin": TWINS,
-    "all": CASES,
+    "colored": COLORED,
+    "all": TUNING + TWINS,
     "textured": TEXTURED,  # on the real assets, see textured_cases.py
 }

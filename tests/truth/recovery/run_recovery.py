@@ -20,6 +20,7 @@ import time
 import traceback
 from collections.abc import Iterable, Iterator
 from dataclasses import asdict, dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +29,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 import numpy as np
 from truth.recovery.cases import SETS, UNDECIDABLE
+from truth.recovery.ideal import half_widths
 from truth.recovery.painters import PAINTERS, painted
 from truth.recovery.stages import CAMERA, SIZE, Case, build_stage
 from truth.recovery.textured_cases import TexturedCase
@@ -45,6 +47,8 @@ AIMED_AT = {  # shares of the right parameter that the program is to come to, by
 TOLERANCE = {"diffuse": 0.05, "specular": 0.05, "glossiness": 0.07}
 REPORT_KEY = {"diffuse": "diffuse", "specular": "specular", "glossiness": "roughness"}
 ELEMENTS = 4000
+ROUNDED = 5e-4  # the true values of an outcome are
+BINS = (0.0, 0.6, 0.8, 0.95, 0.99, 1.0)  # of probabilities, in the table of how often they are right
 
 
 @dataclass(frozen=True)
@@ -64,6 +68,9 @@ class Outcome:
     residual: float
     seconds: float
     note: str = ""
+    inside: float = float("nan")  # share of the channels whose true value the stated 90 % interval holds
+    width: float = float("nan")  # median over the channels of its width, in an ideal observer's; see ideal.py
+    probability: float = float("nan")  # that the report gives to what was inferred
 
 
 def read_truth(case: Case | TexturedCase) -> dict[str, Any]:
@@ -86,8 +93,12 @@ def run_case(
             session.add_stroke(stroke)
             session.solve()
             report = session.report()["strokes"][0]
+            outcome = judge(case, truth, way, report, time.perf_counter() - start)
+            if outcome.is_right and way != BEFORE:
+                ideal = half_widths(truth, way, session.answers[0], REPORT_KEY[case.parameter])
+                outcome = with_interval(outcome, report["range"].get(REPORT_KEY[case.parameter]), ideal)
             session.remove_stroke(stroke.name)
-            found.append(judge(case, truth, way, report, time.perf_counter() - start))
+            found.append(outcome)
             start = time.perf_counter()
     return found
 
@@ -133,7 +144,23 @@ def judge(
         float(report["residual_after"]),
         seconds,
         "" if is_material else f"material {report['material']}",
+        probability=next((a["probability"] for a in report["alternatives"] if a["id"] == report["inferred"]), 0.0),
     )
+
+
+def with_interval(o: Outcome, ends: Any, ideal: np.ndarray) -> Outcome:
+    """Returns the outcome with what its interval is worth; as it is where the answer varies.
+
+    Args:
+        ends: least and greatest value, of each channel or of roughness.
+        ideal: half the width of an ideal observer's interval.
+    """
+    if ends is None:
+        return o
+    low, high = (np.atleast_1d(x).astype(float) for x in ends)
+    true = np.array(o.true)
+    inside = float(np.mean((true >= low - ROUNDED) & (true <= high + ROUNDED)))
+    return replace(o, inside=inside, width=float(np.median(0.5 * (high - low) / ideal)))
 
 
 def is_same_material(case: Case | TexturedCase, true: str, found: str) -> bool:
@@ -226,6 +253,30 @@ def aims(found: list[Totals], kind: str) -> str:
     return "\n".join(rows)
 
 
+def intervals(outcomes: list[Outcome]) -> str:
+    """The third table: how often the stated 90 % intervals hold the truth, and how wide they are."""
+    rows = ["painter   strokes  truth inside  width in an ideal observer's (median, 90 % below)"]
+    for way in PAINTERS:
+        of_way = [o for o in outcomes if o.way == way and not math.isnan(o.inside)]
+        if of_way:
+            inside = 100 * np.mean([o.inside for o in of_way])
+            middle, most = np.percentile([o.width for o in of_way], [50, 90])
+            rows.append(f"{way:8s} {len(of_way):8d} {inside:10.1f} %  {middle:.1f}, {most:.1f}")
+    return "\n".join(rows)
+
+
+def reliability(outcomes: list[Outcome]) -> str:
+    """The fourth table: how often what the report gives a probability is right."""
+    rows = ["probability   strokes  mean  right"]
+    known = [o for o in outcomes if o.way != BEFORE and not math.isnan(o.probability)]
+    for low, high in pairwise(BINS):
+        mine = [o for o in known if low < o.probability <= high]
+        if mine:
+            mean, right = np.mean([o.probability for o in mine]), np.mean([o.is_right for o in mine])
+            rows.append(f"{low:.2f} - {high:.2f} {len(mine):8d}  {mean:.3f}  {right:.3f}")
+    return "\n".join(rows)
+
+
 def markdown_of_failures(outcomes: list[Outcome]) -> str:
     """The table of failures for the README."""
     rows = ["| case | stroke | changed | inferred | true | found |", "|---|---|---|---|---|---|"]
@@ -256,6 +307,8 @@ def main() -> None:
     for total in totals(outcomes):
         print(total)
     print(aims(totals(outcomes), "textured" if a.set == "textured" else "clean"))
+    print(intervals(outcomes))
+    print(reliability(outcomes))
     if a.markdown:
         print(markdown_of_failures(outcomes))
     if a.json:
