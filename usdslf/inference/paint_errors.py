@@ -24,6 +24,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from usdslf.edits.whole_set import Colored
 from usdslf.inference.bilinear import Tables
 from usdslf.inference.candidate import Candidate, is_grey
 from usdslf.inference.fit import Problem, Way, fit, relative_residuals
@@ -73,12 +74,13 @@ def refit_as_painted(t: Tables, o: Options, c: Candidate) -> Candidate:
     if not c.freed:
         return c
     found, errors = _refit(t, o, c)
-    if "specular" not in c.freed or not is_grey(c):
+    if "specular" not in c.freed or not is_grey(c) or (t.colored is Colored.NEVER and not t.is_metal):
         return found
     colored, errors = _refit(t, o, replace(c, freedoms=c.freedoms + 2))
     problem = Problem(as_shown(t, colored), replace(o, outlier=1e9), errors.white)
     gain = _fitted(problem, c, colored.level).misfit - _fitted(problem, colored, colored.level).misfit
-    is_colored = gain > COLOR_GAIN and np.ptp(colored.f0_of(t.f0)) > COLORED
+    asked = COLOR_GAIN * (2 if t.colored is Colored.MAPS and not t.is_metal else 1)
+    is_colored = gain > asked and np.ptp(colored.f0_of(t.f0)) > COLORED
     return colored if is_colored else found
 
 

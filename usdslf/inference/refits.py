@@ -58,7 +58,7 @@ def refit_answer(
             chosen = replace(best, roughness_shift=float(tables.levels[best.level] - tables.roughness))
         else:
             chosen = refit(refit_problem(tables, options), replace(chosen, level=tables.own))
-        if all(e.stroke.tool == "replace" for e in mine):  # the other tools make no errors of a painter's
+        if is_painted(mine):
             chosen = refit_as_painted(tables, options, chosen)
     before, after = means_of(tables, chosen)
     return replace(answer, chosen=chosen, tables=tables, before=before, after=after)
@@ -81,8 +81,16 @@ def means_if_chosen(
             found[c.id] = refit_answer(as_chosen, evidence, painted, field, options).after
             continue
         level = c.level if "glossiness" in c.freed else tables.own
-        found[c.id] = means_of(tables, refit(problem, replace(c, level=level)) if c.freed else c)[1]
+        fitted = refit(problem, replace(c, level=level)) if c.freed else c
+        if "glossiness" not in c.freed and is_painted(mine):
+            fitted = refit_as_painted(tables, options, fitted)
+        found[c.id] = means_of(tables, fitted)[1]
     return found
+
+
+def is_painted(evidence: list[Evidence]) -> bool:
+    """Whether all strokes are painted colours; what the other tools ask for has no errors of a painter."""
+    return all(e.stroke.tool == "replace" for e in evidence)
 
 
 def _finer(e: Evidence, samples: Samples, field: LightField, chosen: Candidate) -> Evidence:
