@@ -41,11 +41,12 @@ __kernel void guide_rows(
 /* columns (rows, COLUMNS) are sums of FRAMES frames; soft (rows, 3): diffuse light of the elements, which has the weight that
  * gathered light has not yet; fresnel (FRESNEL): share of the column Y by the cosine of the eye */
 __kernel void mean_columns(
-    const uint count, __global const float *surfaces, __global const float *columns, __global const float *soft,
-    __global const float *fresnel, __global float *light)
+    const uint count, __global const uint *rows, __global const float *surfaces, __global const float *columns,
+    __global const float *soft, __global const float *fresnel, __global float *light)
 {
-    size_t i = get_global_id(0);
-    if (i >= count) return;
+    size_t at = get_global_id(0);
+    if (at >= count) return;
+    size_t i = rows[at];
     __global const float *c = columns + i * COLUMNS;
     __global const float *s = surfaces + i * SURFACE;
     __global float *out = light + i * LIGHT;
@@ -68,12 +69,14 @@ __kernel void mean_columns(
  * to_own    whether rows of many frames get their own light back
  */
 __kernel void filter_light(
-    const uint count, const int width, const int height, const int step_x, const int step_y, const int window,
+    const uint count, __global const uint *rows, const int width, const int height, const int step_x, const int step_y,
+    const int window,
     const int is_grid, const int to_own, __global const uint *pixel, __global const float *guide, __global const float *own,
     __global const float *grid_guide, __global const float *light, __global float *filtered)
 {
-    size_t i = get_global_id(0);
-    if (i >= count) return;
+    size_t nth = get_global_id(0);
+    if (nth >= count) return;
+    size_t i = rows[nth];
     __global const float *a = guide + i * GUIDE;
     __global float *out = filtered + i * LIGHT;
     if (a[G_CLASS] < 0.0f) {

@@ -111,8 +111,9 @@ class Device:
         cl.enqueue_fill_buffer(self.queue, array_d.base_data, zero, array_d.offset, array_d.nbytes)
 
     def copy(self, target_d: Any, source_d: Any) -> None:
-        """Copies an array of the device to another one of its size."""
-        cl.enqueue_copy(self.queue, target_d.base_data, source_d.base_data, byte_count=source_d.nbytes)
+        """Copies an array of the device, or a shared one, to another one of its size."""
+        target, source = (a.base_data if isinstance(a, cla.Array) else a.buffer for a in (target_d, source_d))
+        cl.enqueue_copy(self.queue, target, source)
 
     def download(self, array_d: Any) -> NDArray:
         """Copies an array of the device to the host, after all that was enqueued before."""

@@ -69,7 +69,7 @@ class _Gathered:
     columns: list[Columns]
     groups: list[_Group]
     light: list[tuple[Shared, Shared, Shared]]  # of each part: mean, filtered along rows, filtered
-    is_shown: bool = False  # what is filtered is that of now
+    stale: list[tuple[int, Shared]]  # parts and rows of them whose light has changed since it was averaged
 
     def frames(self) -> int:
         """Frames that all rows have."""
@@ -166,6 +166,7 @@ class LivePicture:
         """What was gathered, but for the rows of some materials."""
         device, out, old = self.scene.geometry.device, _all_new(self.scene, self.view.parts), self._gathered
         out.groups.clear()
+        out.stale[:] = old.stale
         for p, part in enumerate(self.view.parts):
             part.surface.pull()
             shown = part.surface.host[: part.count, r.MATERIAL]
@@ -174,6 +175,8 @@ class LivePicture:
             old.columns[p].moments.pull()
             out.columns[p].moments.host[:] = old.columns[p].moments.host
             out.columns[p].moments.push()
+            for new, known in zip(out.light[p], old.light[p]):
+                device.copy(new, known)
             rows = part.listed(np.flatnonzero(changed).astype(np.uint32))
             if rows is not None:
                 self.scene.geometry.kernel("live_combine", "forget_rows")(
@@ -181,6 +184,7 @@ class LivePicture:
                     out.columns[p].moments,
                 )  # fmt: skip
                 out.groups.append(_Group(p, rows))
+                out.stale.append((p, rows))
             for group in old.groups:
                 if group.part == p:
                     kept = part.listed(group.rows.host[~changed[group.rows.host]])
@@ -244,13 +248,14 @@ class LivePicture:
         more = _all_new(self.scene, [self.view.more])
         self._gathered.columns += more.columns
         self._gathered.light += more.light
+        self._gathered.stale.append((1, self.view.more.all))
         group = replace(more.groups[0], part=1)
         self._gathered.groups.append(group)
         self._gather(group)
 
     def _gather(self, group: _Group) -> None:
         part, columns = self.view.parts[group.part], self._gathered.columns[group.part]
-        self._gathered.is_shown = False
+        self._gathered.stale.append((group.part, group.rows))
         total = len(group.rows.host)
         while group.begun < total:
             gather_batch(self.scene, self._room, part, columns, group.rows, group.begun, group.frames)
@@ -272,8 +277,7 @@ class LivePicture:
         with self._room.lock:
             self._show()
             self._complete()
-            if not self._gathered.is_shown:
-                self._average()
+            self._average()
             self._combine(out)
             out.pull()
         number = self._gathered.frames()
@@ -282,26 +286,27 @@ class LivePicture:
     def _average(self) -> None:
         """Light of all frames so far, filtered while they are few."""
         g, (width, height) = self.scene.geometry, self.view.size
+        light, stale = self._gathered.light, _distinct(self._gathered.stale, self.view.parts)
+        if not stale:
+            return
         fresnel_d = g.device.upload(fresnel_shares(g.model))
-        light = self._gathered.light
-        for part, columns, (mean, _, _) in zip(self.view.parts, self._gathered.columns, light):
+        for p, rows in stale:
+            part, n = self.view.parts[p], len(rows.host)
             g.kernel("live_combine", "mean_columns")(
-                groups(part.count), (GROUP,), np.uint32(part.count), part.surface, columns.sums_d, part.soft_d,
-                fresnel_d, mean,
+                groups(n), (GROUP,), np.uint32(n), rows, part.surface, self._gathered.columns[p].sums_d, part.soft_d,
+                fresnel_d, light[p][0],
             )  # fmt: skip
-        sizes = np.int32(width), np.int32(height)
-        grid_guide = self.view.grid.guide
-        for step, (source, target) in enumerate(((0, 1), (1, 2))):
-            for p, part in enumerate(self.view.parts):
-                if p > 0 and step == 0:
-                    continue
-                own = light[p][0] if p > 0 or step == 1 else light[p][source]
+        sizes, grid_guide = (np.int32(width), np.int32(height)), self.view.grid.guide
+        for step in (0, 1):  # along rows, which only the grid has, then along columns
+            for p, rows in stale if step else [(p, rows) for p, rows in stale if p == 0]:
+                part, n = self.view.parts[p], len(rows.host)
                 g.kernel("live_combine", "filter_light")(
-                    groups(part.count), (GROUP,), np.uint32(part.count), *sizes, np.int32(1 - step), np.int32(step),
-                    np.int32(WINDOW), np.int32(p == 0), np.int32(step == 1), part.pixel, part.guide, own, grid_guide,
-                    light[0][source], light[p][target],
+                    groups(n), (GROUP,), np.uint32(n), rows, *sizes, np.int32(1 - step), np.int32(step),
+                    np.int32(WINDOW), np.int32(p == 0), np.int32(step), part.pixel, part.guide, light[p][0],
+                    grid_guide, light[0][step], light[p][step + 1],
                 )  # fmt: skip
-        self._gathered.is_shown = True
+        g.device.finish()
+        self._gathered.stale.clear()
 
     def _combine(self, out: Shared) -> None:
         g, view, light = self.scene.geometry, self.view, self._gathered.light
@@ -335,4 +340,12 @@ def _all_new(scene: LiveScene, parts: list[Rows]) -> _Gathered:
         [Columns(scene.geometry, p.count) for p in parts],
         [_Group(k, p.all) for k, p in enumerate(parts)],
         [(a, b, c) for a, b, c in room],
+        [(k, p.all) for k, p in enumerate(parts)],
     )
+
+
+def _distinct(stale: list[tuple[int, Shared]], parts: list[Rows]) -> list[tuple[int, Shared]]:
+    """Each rows once; of a part of which all are, these alone."""
+    whole = {p for p, rows in stale if rows is parts[p].all}
+    some = {(p, id(rows)): (p, rows) for p, rows in stale if p not in whole}
+    return [(p, parts[p].all) for p in sorted(whole)] + list(some.values())
