@@ -34,6 +34,7 @@ LOBE_ROUGHNESS = (0.08, 0.22, 0.42, 0.7)  # of the rays; the first is less where
 SHARPEST = 0.04  # roughness; sharper lobes count as this
 LIGHT_RAYS = 4  # of a sample to each light
 ELSEWHERE = 96  # unpainted points of the painted materials
+LEAST_REFLECTED = 1e-3  # of what a surface sends, below which rounding is all that is left beside its own light
 MOST_OF_LINK = 1e3  # times what the light field has, that a picture may see along a ray
 WIDE_ANGLE = 0.2  # [sr] of a dome that a ray sees which only the shading normal sent out
 
@@ -220,7 +221,9 @@ def _trace(p: _Points, t: _Trace) -> Samples:
     links_d, weights_d = t.field.link_hits(
         np.where(usable, hits.triangle, -1), hits.barycentric.astype(np.float32), world
     )
-    locals_, lights_in = [local], [_met_lights(starts, world, density, is_folded, hits, t).reshape(2, s, t.rays, 3)]
+    pictured, own = _as_pictured(links_d, weights_d, world, density, hits, p, t)
+    met = _met_lights(starts, world, density, is_folded, hits, t) - inverse[:, None] * pictured * own
+    locals_, lights_in = [local], [met.reshape(2, s, t.rays, 3)]
     for source in t.light.lights.sources:
         direction, light = _sample_source(source, p, t)
         locals_.append(direction)
@@ -228,7 +231,6 @@ def _trace(p: _Points, t: _Trace) -> Samples:
         tell()
     all_local = np.concatenate(locals_, 1)
     gain = np.zeros(all_local.shape)
-    pictured = _as_pictured(links_d, weights_d, world, density, p, t)
     gain[:, : t.rays] = (inverse[:, None] * pictured).reshape(s, t.rays, 3)
     light_d, light_s = np.concatenate(lights_in, 2).astype(np.float32)
     is_split = any(source.diffuse != source.specular for source in t.light.lights.sources)
@@ -254,14 +256,14 @@ def _make_rays(p: _Points, t: _Trace) -> tuple[NDArray, NDArray, NDArray]:
 
 
 def _as_pictured(
-    links_d: Any, weights_d: Any, world: NDArray, density: NDArray, p: _Points, t: _Trace
-) -> NDArray[np.float64]:
-    """Factors (n, 3) on what links carry along n rays: what pictures see there over what the light field has.
+    links_d: Any, weights_d: Any, world: NDArray, density: NDArray, hits: Hits, p: _Points, t: _Trace
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Factors (n, 3) on what is reflected along n rays, pictures' over the light field's, and what shines there (n, 3).
 
     The light field blends elements: in corners, beside lamps and where reflections are finer than elements, pictures
-    follow the ray instead, and so does this.  What shines by itself is sampled as a light.
+    follow the ray instead, and so does this.  What shines by itself is sampled as a light, and is no part of it.
     """
-    out, hit = np.ones((len(world), 3)), np.flatnonzero(density > 0)
+    out, own, hit = np.ones((len(world), 3)), np.zeros((len(world), 3)), np.flatnonzero(density > 0)
     sent = t.field.follow_links(links_d, weights_d)[hit]
     lit = sent.max(1) > 0
     hit, sent = hit[lit], sent[lit]
@@ -269,8 +271,13 @@ def _as_pictured(
     seen = t.light.gatherer.reflected_along(
         p.origin[sample], p.geometric[sample].astype(np.float32), world[hit], (density[hit] / t.rays).astype(np.float32)
     )  # fmt: skip
-    out[hit] = seen / np.maximum(sent, 1e-30)
-    return np.minimum(out, MOST_OF_LINK)
+    emissive = t.light.lights.emissive
+    shining = emissive.emits[hits.triangle[hit]]
+    own[hit[shining]] = emissive.emission(hits.triangle[hit[shining]], hits.barycentric[hit[shining]])
+    reflected = sent - own[hit]
+    is_known = reflected > LEAST_REFLECTED * sent
+    out[hit] = np.where(is_known, seen / np.where(is_known, reflected, 1), 1)
+    return np.minimum(out, MOST_OF_LINK), own
 
 
 def _folded(world: NDArray, geometric: NDArray) -> tuple[NDArray, NDArray[np.bool_]]:
