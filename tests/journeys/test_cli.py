@@ -119,6 +119,20 @@ def test_doctor_names_versions_devices_colour_hydra_and_limits(run: Run) -> None
         assert word in out
 
 
+def test_render_live_writes_what_a_viewer_shows(shot: Path, tmp_path: Path, run: Run) -> None:
+    import OpenImageIO as oiio
+
+    pictures = []
+    for name, options in (("final", ()), ("live", ("--live", 16))):
+        code, out, err = run("render", shot, "-o", tmp_path / f"{name}.exr", "--size", "48x32", *options, *SMALL)
+        assert code == 0, err
+        pictures.append(oiio.ImageBuf(str(tmp_path / f"{name}.exr")).get_pixels(oiio.FLOAT))
+    final, live = pictures
+    assert np.abs(live - final).mean() < 0.12 * final.mean()  # 8 pixels of 48 are filtered over
+    code, out, err = run("render", shot, "-o", tmp_path / "a.exr", "--live", 2, "--aov", "albedo", *SMALL)
+    assert (code, out) == (2, "") and "--live has no further layers" in err
+
+
 def test_render_writes_scene_linear_exr_with_layers(shot: Path, tmp_path: Path, run: Run) -> None:
     out_path = tmp_path / "picture.exr"
     code, out, err = run(
