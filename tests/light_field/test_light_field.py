@@ -177,9 +177,8 @@ def test_results_do_not_depend_on_the_size_of_work_groups(
 def of_hits(made: Lit, like: Lit) -> np.ndarray:
     """Outgoing light of one lit field with the links of another."""
     field = type(made.field)(
-        made.field.device, made.elements, made.lookup, like.visibility, like.fixed,
-        like.scene.triangles.face_normals, "preview_surface",
-    )  # fmt: skip
+        made.field.device, made.elements, made.lookup, like.visibility, like.fixed, "preview_surface"
+    )
     for _ in range(3):
         field.bounce()
     return field.device.download(field.outgoing_d)
@@ -201,9 +200,8 @@ def test_results_do_not_depend_on_the_order_of_elements(small: Lit) -> None:
     assert apart < 0.02  # the samples of the lamp are others
     fixed = small.fixed[order]
     field = type(again.field)(
-        device, shuffled, again.lookup, replace(again.visibility, hit=moved.astype(np.uint32)), fixed,
-        scene.triangles.face_normals, "preview_surface",
-    )  # fmt: skip
+        device, shuffled, again.lookup, replace(again.visibility, hit=moved.astype(np.uint32)), fixed, "preview_surface"
+    )
     for _ in range(3):
         field.bounce()
     np.testing.assert_allclose(device.download(field.outgoing_d), small.outgoing[order], rtol=1e-4, atol=1e-5)
