@@ -65,8 +65,14 @@ def _is_same(path: str, other: str | os.PathLike[str]) -> bool:
 
 def _reviewed(stage: Usd.Stage, below: Usd.Stage, layer: Sdf.Layer, ocio: str | None) -> dict[str, Any]:
     specs = list(specs_of(layer))
-    beside = _collateral(stage, below, layer, ocio)
-    found = [*validate(stage, ocio), *(_spoilt(c, layer) for c in beside if c.is_finding)]
+    found = validate(stage, ocio)
+    beside: list[Collateral] = []
+    try:
+        beside = _collateral(stage, below, layer, ocio)
+    except InputError as error:  # a colour config that lacks a space of the shot
+        say = f"What else the look changes could not be measured: {error}."
+        found.append(Finding("Collateral", "/", say, layer.GetDisplayName()))
+    found += [_spoilt(c, layer) for c in beside if c.is_finding]
     return {
         "shot": stage.GetRootLayer().realPath,
         "look": layer.realPath,
