@@ -23,6 +23,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from usdslf.edits.whole_set import Colored
 from usdslf.inference.bilinear import Tables
@@ -43,6 +44,9 @@ DEGREES = 2.0  # of freedom of Student's t
 ROUNDS = 3
 COLOR_GAIN = 16.0  # misfit for which a grey specular change becomes coloured; grey paint gains 9 at most
 COLORED = 0.05  # range of the channels of F0 that is a colour
+CAREFUL = 0.035  # relative residual of paint that is fitted as it is: the light field's own error
+AT_END = 1e-4  # of 0 and 1, where a colour is held
+UNSAID = 3.0  # relative error of channels that are held there
 MOST_GROUPS = 96  # dabs and swatches that a and b are read off
 
 
@@ -73,6 +77,9 @@ def refit_as_painted(t: Tables, o: Options, c: Candidate) -> Candidate:
     """
     if not c.freed:
         return c
+    left = relative_residuals(as_shown(t, c), c)
+    if float(np.sqrt(np.mean(left**2))) < CAREFUL:
+        return c  # contrast would be believed more than light fields are right
     found, errors = _refit(t, o, c)
     if "specular" not in c.freed or not is_grey(c) or (t.colored is Colored.NEVER and not t.is_metal):
         return found
@@ -188,11 +195,26 @@ def paint_errors(t: Tables, o: Options, c: Candidate, trust: F64 | None = None) 
     own = np.repeat(trust * np.sqrt(count), 3) / o.dab_error
     columns = by_channel(together) @ np.stack(columns_of(t, c)[1], 1) if c.freed else np.zeros((3 * len(one), 0))
     whole = np.kron(together @ _of_strokes(t), np.ones((3, 1)))
-    a, b = _sizes(own * residual, own[:, None] * np.concatenate([columns, whole], 1), own[:, None] * alike * own)
+    explained = own[:, None] * np.concatenate([columns, whole], 1)
+    held = np.tile(held_channels(t, c), len(one))  # what they leave says how far the paint is from what can be
+    rows = np.flatnonzero(~held)
+    a, b = _sizes((own * residual)[rows], explained[rows], (own[:, None] * alike * own)[np.ix_(rows, rows)])
     b = max(b, (2 * SURE / o.dab_error) ** 2)
     single = SLACK * b / own**2 + _of_swatch_means(t, c, together).reshape(-1)
-    covariance = a * alike + SURE**2 * by_channel(same) + np.diag(single)
+    covariance = a * alike + SURE**2 * by_channel(same) + np.diag(single + UNSAID**2 * held)
     return PaintErrors(together, a, b, trust, covariance)
+
+
+def held_channels(t: Tables, c: Candidate) -> NDArray[np.bool_]:
+    """Tells in which channels (3,) all freed colours are at an end of what can be; none where it is all of them.
+
+    What is left there is no error of the painter's, and asks nothing of the other channels.
+    """
+    freed = [x for name, x in (("diffuse", c.diffuse_of(t.diffuse)), ("specular", c.f0_of(t.f0))) if name in c.freed]
+    if not freed:
+        return np.zeros(3, bool)
+    at_end = np.stack([(x <= AT_END) | (x >= 1 - AT_END) for x in freed]).all(0)
+    return at_end if not at_end.all() else np.zeros(3, bool)
 
 
 def _of_swatch_means(t: Tables, c: Candidate, together: F64) -> F64:

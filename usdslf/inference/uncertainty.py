@@ -27,7 +27,7 @@ from scipy.special import ndtr
 
 from usdslf.inference.bilinear import Tables
 from usdslf.inference.candidate import Candidate
-from usdslf.inference.paint_errors import as_shown, columns_of, paint_errors
+from usdslf.inference.paint_errors import as_shown, columns_of, held_channels, paint_errors
 from usdslf.inference.weights import Options
 from usdslf.scene.records import F64
 
@@ -63,6 +63,7 @@ def interval(t: Tables, o: Options, c: Candidate) -> Interval:
         t = as_shown(t, c)
         names, columns = columns_of(t, c)
         errors = paint_errors(t, o, c)
+        held = held_channels(t, c)
         seen = np.kron(errors.together, np.eye(3))
         j = seen @ np.stack(columns, 1)
         weighed = np.linalg.solve(errors.covariance, j)
@@ -74,7 +75,8 @@ def interval(t: Tables, o: Options, c: Candidate) -> Interval:
             if name == "roughness":
                 v += (BETWEEN_LEVELS * float(np.abs(np.diff(t.levels[:-1])).min(initial=1.0))) ** 2
             reach = np.array(_quantiles(float(np.sqrt(max(v, 1e-12))), float(g), dark))
-            ends[name][:, slice(None) if channel is None else slice(channel, channel + 1)] += reach[:, None]
+            if channel is None or not held[channel]:
+                ends[name][:, slice(None) if channel is None else slice(channel, channel + 1)] += reach[:, None]
     return Interval(**{name: np.clip(value, 0, 1) for name, value in ends.items()})
 
 
