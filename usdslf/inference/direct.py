@@ -59,6 +59,7 @@ def gather_stroke(stroke: Stroke, scene: Scene, light: Pictured, warnings: list[
     Raises: StrokeError where it lies on no surface.
     """
     stroke = stroke.seen_from(scene.origin)
+    light = light.as_sent if stroke.mode == "indirect" else light  # it asks for what surfaces send
     samples, rows = gather_samples(stroke, scene, light.tracer, light.field, light.lights, warnings, light)
     return Painted(stroke, samples, rows, wanted_radiance(stroke, rows, samples, scene, light, warnings))
 

@@ -213,7 +213,7 @@ def held_channels(t: Tables, c: Candidate) -> NDArray[np.bool_]:
     freed = [x for name, x in (("diffuse", c.diffuse_of(t.diffuse)), ("specular", c.f0_of(t.f0))) if name in c.freed]
     if not freed:
         return np.zeros(3, bool)
-    at_end = np.stack([(x <= AT_END) | (x >= 1 - AT_END) for x in freed]).all(0)
+    at_end: NDArray[np.bool_] = np.stack([(x <= AT_END) | (x >= 1 - AT_END) for x in freed]).all(0)
     return at_end if not at_end.all() else np.zeros(3, bool)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from usdslf.light_field.light_field import LightField
@@ -22,7 +22,12 @@ class Pictured:
     tracer: RayTracer
     field: LightField
     lights: LightSet
-    gatherer: Gatherer
+    gatherer: Gatherer | None  # None: light is what the light field sends
+
+    @property
+    def as_sent(self) -> Pictured:
+        """The light that the light field sends, caustics too, of which the few rays that are followed lose a third."""
+        return replace(self, gatherer=None)
 
     @staticmethod
     def of(tracer: RayTracer, field: LightField, lights: LightSet) -> Pictured:

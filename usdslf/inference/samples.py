@@ -267,14 +267,16 @@ def _as_pictured(
     sent = t.field.follow_links(links_d, weights_d)[hit]
     lit = sent.max(1) > 0
     hit, sent = hit[lit], sent[lit]
-    sample = hit // t.rays
-    seen = t.light.gatherer.reflected_along(
-        p.origin[sample], p.geometric[sample].astype(np.float32), world[hit], (density[hit] / t.rays).astype(np.float32)
-    )  # fmt: skip
     emissive = t.light.lights.emissive
     shining = emissive.emits[hits.triangle[hit]]
     own[hit[shining]] = emissive.emission(hits.triangle[hit[shining]], hits.barycentric[hit[shining]])
     reflected = sent - own[hit]
+    if t.light.gatherer is None:
+        return out, own
+    sample = hit // t.rays
+    seen = t.light.gatherer.reflected_along(
+        p.origin[sample], p.geometric[sample].astype(np.float32), world[hit], (density[hit] / t.rays).astype(np.float32)
+    )  # fmt: skip
     is_known = reflected > LEAST_REFLECTED * sent
     out[hit] = np.where(is_known, seen / np.where(is_known, reflected, 1), 1)
     return np.minimum(out, MOST_OF_LINK), own
