@@ -213,8 +213,8 @@ def held_channels(t: Tables, c: Candidate) -> NDArray[np.bool_]:
     freed = [x for name, x in (("diffuse", c.diffuse_of(t.diffuse)), ("specular", c.f0_of(t.f0))) if name in c.freed]
     if not freed:
         return np.zeros(3, bool)
-    at_end: NDArray[np.bool_] = np.stack([(x <= AT_END) | (x >= 1 - AT_END) for x in freed]).all(0)
-    return at_end if not at_end.all() else np.zeros(3, bool)
+    at_end = np.asarray(np.all([(x <= AT_END) | (x >= 1 - AT_END) for x in freed], axis=0))
+    return np.zeros(3, bool) if at_end.all() else at_end
 
 
 def _of_swatch_means(t: Tables, c: Candidate, together: F64) -> F64:
