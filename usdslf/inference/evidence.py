@@ -181,6 +181,10 @@ def _radiance_beside(beside: Beside, field: LightField) -> NDArray[np.float64]:
 
 def mean_by(values: NDArray, group: NDArray) -> NDArray:
     """Means of rows by group, for every group."""
-    out = np.zeros((int(group.max()) + 1, *values.shape[1:]))
-    np.add.at(out, group, values)
-    return out / np.bincount(group).reshape(-1, *[1] * (values.ndim - 1))
+    count = np.bincount(group)
+    out = np.zeros((len(count), *values.shape[1:]))
+    if (group[1:] < group[:-1]).any():
+        order = np.argsort(group, kind="stable")
+        values, group = values[order], group[order]
+    out[count > 0] = np.add.reduceat(values, np.searchsorted(group, np.flatnonzero(count)), axis=0)
+    return out / count.reshape(-1, *[1] * (values.ndim - 1))
