@@ -1,6 +1,6 @@
 /* guided_directions.cl: directions drawn from the light at an element, and their density: see usdslf/render/guide.py.
  *
- * A guide's row holds the cumulative chances of its blocks; within a block directions are even.
+ * Within a block directions are even.
  */
 #include "bin_blocks.cl"
 
@@ -10,18 +10,14 @@ inline float guide_density(__global const float *row, __global const float *fram
     if (l.z <= 0.0f) return 0.0f;
     int bin = bin_of(l);
     int b = block_of(bin);
-    float chance = row[b] - (b > 0 ? row[b - 1] : 0.0f);
+    float chance = row[b] - chance_before(row, b);
     return chance * BLOCK_COUNT / (2.0f * PI_F);
 }
 
 inline float3 guided_direction(__global const float *row, __global const float *frames, int element, float2 u)
 {
-    int low = 0, high = BLOCK_COUNT - 1; /* the first block whose cumulative chance exceeds u.x */
-    while (low < high) {
-        int middle = (low + high) / 2;
-        if (row[middle] > u.x) high = middle; else low = middle + 1;
-    }
-    float before = low > 0 ? row[low - 1] : 0.0f;
+    int low = block_by_chance(row, u.x);
+    float before = chance_before(row, low);
     float x = clamp((u.x - before) / max(row[low] - before, 1e-12f), 0.0f, 0.9999999f);
     float2 q = ((float2)(low % BLOCKS_ON_SIDE + x, low / BLOCKS_ON_SIDE + u.y)) * (2.0f / BLOCKS_ON_SIDE) - 1.0f;
     return world_from_local(frames, element, hemisphere_from_square(q.x, q.y));

@@ -85,18 +85,14 @@ inline float guided_density(__global const float *guides, __global const float *
     if (!(l.z > 0.0f)) return 0.0f;
     __global const float *row = guides + (size_t)element * BLOCK_COUNT;
     int b = block_of(quick_bin_of(l));
-    return (row[b] - (b > 0 ? row[b - 1] : 0.0f)) * (BLOCK_COUNT / (2.0f * PI_F));
+    return (row[b] - chance_before(row, b)) * (BLOCK_COUNT / (2.0f * PI_F));
 }
 
 inline float3 guided_towards(__global const float *guides, __global const float *frames, int element, float2 u)
 {
     __global const float *row = guides + (size_t)element * BLOCK_COUNT;
-    int low = 0, high = BLOCK_COUNT - 1; /* the first block whose cumulative chance exceeds u.x */
-    while (low < high) {
-        int middle = (low + high) / 2;
-        if (row[middle] > u.x) high = middle; else low = middle + 1;
-    }
-    float before = low > 0 ? row[low - 1] : 0.0f;
+    int low = block_by_chance(row, u.x);
+    float before = chance_before(row, low);
     float x = within((u.x - before) / larger(row[low] - before, 1e-12f), 0.0f, 0.9999999f);
     float a = (low % BLOCKS_ON_SIDE + x) * (2.0f / BLOCKS_ON_SIDE) - 1.0f;
     float b = (low / BLOCKS_ON_SIDE + u.y) * (2.0f / BLOCKS_ON_SIDE) - 1.0f;
