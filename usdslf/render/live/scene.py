@@ -94,7 +94,7 @@ class SentLight:
         )
 
     def arguments(self, tables: DeviceLookup) -> tuple[Any, ...]:
-        """FIELD_PARAMETERS of kernels/live_gather.cl."""
+        """FIELD_PARAMETERS of kernels/live_arrival.cl."""
         return (
             tables.cells_of_triangle_d, tables.entry_of_cell_d, tables.cell_count, tables.elements_of_entry_d,
             tables.position_d, tables.frames_d, self.field.outgoing_d, self.mean_d, np.int32(1), np.float32(self.usual),
