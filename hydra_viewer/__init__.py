@@ -1,1 +1,5 @@
-"""Place of the desktop application for artists (Qt, on the public names of `usdslf`); nothing is here yet."""
+"""The desktop application for artists, on the public names of `usdslf`.
+
+    hydra_viewer.model   what is worked on, without Qt: document, undo, autosave, brush, cameras, display
+    hydra_viewer.ui      Qt: window, panels, viewports, the workers that step long work
+"""

@@ -33,10 +33,20 @@ Public names; all others may change from version to version:
     LiveFrame        the picture so far
     Settings, Solution, Look, Progress, Cancelled      their records
     Stroke           what was painted, and from where, as a record
+    TOOLS, MODES, SPACES, NORMS, SCOPES     what its attributes may be
     paint_stroke     a path on the picture of a camera -> Stroke
+    next_name        the name of the stroke that is painted after others
+    frame_of         the frame that strokes are to be looked at
     read_strokes     the strokes of a stroke layer
     write_strokes    strokes -> a stroke layer
-    Scene            the shot at a frame as numpy records
+    Scene, Camera    the shot at a frame as numpy records
+    Color, color_of  conversions of an OpenColorIO config, to the display too
+    project_points, camera_rays, film_aspect     between the world and the picture of a camera
+    pick, Pick       what a place of a picture shows
+    stage_prims, PrimRow                         the tree of a stage
+    frame_range, FrameRange                      the frames of a shot
+    find_next_dab, NextDab                       where one more dab decides
+    report_of, lines_of_report                   what was inferred and authored, as values and as lines
     UsdslfError      base of all errors that a user can mend, with the exit code of each
 """
 
@@ -49,15 +59,22 @@ from usdslf.errors import UsdslfError
 from usdslf.usd.schema import announce_schema
 
 if TYPE_CHECKING:
+    from usdslf.color import Color, color_of
+    from usdslf.hints import find_next_dab
+    from usdslf.inference.next_dab import NextDab
     from usdslf.look import Look, author, live_picture, render_shot
+    from usdslf.picking import Pick, pick
     from usdslf.progress import Cancelled, Progress, run, stepwise
     from usdslf.render.live.picture import LiveFrame, LivePicture
-    from usdslf.scene.records import Scene
+    from usdslf.report import lines_of_report, report_of
+    from usdslf.scene.cameras import camera_rays, film_aspect, project_points
+    from usdslf.scene.records import Camera, Scene
     from usdslf.session import Session, open
     from usdslf.shot import Shot
     from usdslf.solution import Settings, Solution, solve, stylize_shot
     from usdslf.strokes.paint import paint_stroke
-    from usdslf.strokes.stroke import Stroke
+    from usdslf.strokes.stroke import MODES, NORMS, SCOPES, SPACES, TOOLS, Stroke, frame_of, next_name
+    from usdslf.usd.prims import FrameRange, PrimRow, frame_range, stage_prims
     from usdslf.usd.stroke_layer import read_strokes, write_strokes
 
 __version__ = "0.1.0"
@@ -65,10 +82,21 @@ __version__ = "0.1.0"
 announce_schema()
 
 __all__ = [
+    "MODES",
+    "NORMS",
+    "SCOPES",
+    "SPACES",
+    "TOOLS",
+    "Camera",
     "Cancelled",
+    "Color",
+    "FrameRange",
     "LiveFrame",
     "LivePicture",
     "Look",
+    "NextDab",
+    "Pick",
+    "PrimRow",
     "Progress",
     "Scene",
     "Session",
@@ -79,13 +107,25 @@ __all__ = [
     "UsdslfError",
     "__version__",
     "author",
+    "camera_rays",
+    "color_of",
+    "film_aspect",
+    "find_next_dab",
+    "frame_of",
+    "frame_range",
+    "lines_of_report",
     "live_picture",
+    "next_name",
     "open",
     "paint_stroke",
+    "pick",
+    "project_points",
     "read_strokes",
     "render_shot",
+    "report_of",
     "run",
     "solve",
+    "stage_prims",
     "stepwise",
     "stylize_shot",
     "write_strokes",
@@ -93,7 +133,14 @@ __all__ = [
 
 # Loaded at first use, so that `usdslf --help` and `usdslf doctor` neither wait for USD nor need OpenCL.
 _HOME = {
-    "Scene": "usdslf.scene.records",
+    **dict.fromkeys(("Camera", "Scene"), "usdslf.scene.records"),
+    **dict.fromkeys(("camera_rays", "film_aspect", "project_points"), "usdslf.scene.cameras"),
+    **dict.fromkeys(("Color", "color_of"), "usdslf.color"),
+    **dict.fromkeys(("Pick", "pick"), "usdslf.picking"),
+    **dict.fromkeys(("FrameRange", "PrimRow", "frame_range", "stage_prims"), "usdslf.usd.prims"),
+    "find_next_dab": "usdslf.hints",
+    "NextDab": "usdslf.inference.next_dab",
+    **dict.fromkeys(("lines_of_report", "report_of"), "usdslf.report"),
     "Session": "usdslf.session",
     "open": "usdslf.session",
     "Shot": "usdslf.shot",
@@ -101,7 +148,9 @@ _HOME = {
     **dict.fromkeys(("Look", "author", "live_picture", "render_shot"), "usdslf.look"),
     **dict.fromkeys(("LiveFrame", "LivePicture"), "usdslf.render.live.picture"),
     **dict.fromkeys(("Cancelled", "Progress", "run", "stepwise"), "usdslf.progress"),
-    "Stroke": "usdslf.strokes.stroke",
+    **dict.fromkeys(
+        ("MODES", "NORMS", "SCOPES", "SPACES", "TOOLS", "Stroke", "frame_of", "next_name"), "usdslf.strokes.stroke"
+    ),
     "paint_stroke": "usdslf.strokes.paint",
     "read_strokes": "usdslf.usd.stroke_layer",
     "write_strokes": "usdslf.usd.stroke_layer",

@@ -27,7 +27,7 @@ _DATA = ("", "raw", "Raw", "data", "identity", "unknown")
 
 
 class Color:
-    """Conversions into and out of one working space by one OpenColorIO config.
+    """Conversions into and out of one working space by one OpenColorIO config; `color_of` makes them once.
 
     Attributes:
         config: as it was asked for, "" where it was not.
@@ -37,6 +37,13 @@ class Color:
     """
 
     def __init__(self, config: str | None, working_space: str) -> None:
+        """Reads the config.
+
+        Args:
+            config, working_space: as of `color_of`.
+
+        Raises: InputError where the config cannot be used, or lacks the space.
+        """
         origin, path = "--ocio", config
         if not path:
             origin, path = "$OCIO", os.environ.get("OCIO")
@@ -70,30 +77,40 @@ class Color:
 
     # ---- names -----------------------------------------------------------------------------
     def knows(self, space: str) -> bool:
-        """Whether `space` names a colour space, a role or data."""
+        """Returns whether `space` names a colour space, a role or data."""
         name = _SYNONYMS.get(space, space)
         return space in _DATA or any(c.getColorSpace(name) for c in (self._config, self._built_in))
 
     def is_data(self, space: str) -> bool:
-        """Whether pixels of `space` are numbers that no conversion may touch."""
+        """Returns whether pixels of `space` are numbers that no conversion may touch."""
         if space in _DATA:
             return True
         found = self._config.getColorSpace(_SYNONYMS.get(space, space))
         return bool(found and found.isData())
 
     def displays(self) -> dict[str, list[str]]:
-        """Views of each display, the default ones first."""
+        """Returns the views of each display, the default ones first."""
         names = sorted(self._config.getActiveDisplays(), key=lambda d: d != self.display_name)
         names = [n for n in names if n] or [self.display_name]
         return {d: list(self._config.getViews(d)) for d in names}
 
     # ---- conversions -----------------------------------------------------------------------
     def to_working(self, pixels: ArrayLike, space: str) -> F32:
-        """Returns pixels (..., 3 or 4) of `space` in the working space; alpha as it is."""
+        """Returns pixels (n, 3) of a space in the working space.
+
+        Args:
+            pixels: (n, 3), or of any shape whose last axis is 3 or 4; alpha stays as it is.
+            space: an OpenColorIO space, role or synonym.
+        """
         return self._apply(pixels, space, self.working_space)
 
     def from_working(self, pixels: ArrayLike, space: str) -> F32:
-        """Returns working-space pixels (..., 3 or 4) in `space`; alpha as it is."""
+        """Returns working-space pixels (n, 3) in a space.
+
+        Args:
+            pixels: (n, 3), or of any shape whose last axis is 3 or 4; alpha stays as it is.
+            space: an OpenColorIO space, role or synonym.
+        """
         return self._apply(pixels, self.working_space, space)
 
     def display(
@@ -105,10 +122,10 @@ class Color:
         view: str = "",
         invert: bool = False,
     ) -> F32:
-        """Returns working-space pixels (..., 3 or 4) as display code values, as a viewer shows them.
+        """Returns working-space pixels (n, 3) as display code values, as a viewer shows them.
 
         Args:
-            pixels: scene-linear; what is not finite is shown black.
+            pixels: (n, 3), or of any shape whose last axis is 3 or 4, scene-linear; what is not finite is shown black.
             exposure: [stops], before the view.
             gamma: exponent 1 / gamma after the view.
             display, view: names in the config; default its first ones.
@@ -145,11 +162,11 @@ class Color:
         return _run(processor.getDefaultCPUProcessor(), self._apply(out, self.working_space, source))
 
     def converts(self, space: str) -> bool:
-        """Whether pixels of `space` are other numbers in the working space."""
+        """Returns whether pixels of `space` are other numbers in the working space."""
         return self._processor(space, self.working_space) is not None
 
     def acts_per_channel(self, space: str) -> bool:
-        """Whether the conversion from `space` treats the channels alike and apart (a table can hold it)."""
+        """Returns whether the conversion from `space` treats the channels alike and apart (a table can hold it)."""
         processor = self._processor(space, self.working_space)
         return processor is None or not processor.hasChannelCrosstalk()
 

@@ -24,6 +24,7 @@ def find_next_dab(
     """Finds where one more dab best tells the two leading explanations of a stroke apart.
 
     Args:
+        shot: whose light field is asked.
         solution: of strokes on the shot.
         stroke: its name or path; None: the one whose explanations are nearest to each other.
         camera: on whose picture, or its path; None: the shot's first, or one that sees everything.

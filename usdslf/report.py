@@ -27,6 +27,11 @@ def report_of(shot: Shot, solution: Solution, look: Look | None = None) -> dict[
     """Returns what was inferred, and authored as a look, as JSON-ready values (DESIGN: the report of solve).
 
     Of a stylized shot, `stylize` says how, and `materials` what became of each.
+
+    Args:
+        shot: that was worked on.
+        solution: what was inferred.
+        look: what was written of it; None: nothing.
     """
     edits = look.edits if look else ()
     as_written = look.as_written if look else {}
@@ -190,7 +195,11 @@ def _plain(values: Mapping[str, NDArray]) -> dict[str, Any]:
 
 
 def lines_of_report(report: Mapping[str, Any]) -> Iterator[str]:
-    """Yields a line a missing texture, two a stylized material or what strokes ask together, and up to two an edit."""
+    """Yields a line a missing texture, two a stylized material or what strokes ask together, and up to two an edit.
+
+    Args:
+        report: of `report_of`.
+    """
     for m in report.get("missing", ()):
         yield f"missing texture {m['file']} of {m['prim']} cannot be read ({m['why']}): {m['stands_for_it']}"
     for style in report.get("materials", ()):

@@ -49,6 +49,27 @@ def watch(shot: usdslf.Shot) -> usdslf.LivePicture:
     return picture.with_materials(shot.scene.materials).seen_by(shot.camera(), (160, 90))
 
 
+def look_around(session: usdslf.Session) -> dict[str, tuple[float, float, float]]:
+    shot, camera = session.shot, session.camera()
+    aspect = usdslf.film_aspect(camera)
+    color: usdslf.Color = usdslf.color_of(shot.ocio, shot.scene.working_space)
+    seen: usdslf.Pick | None = usdslf.pick(shot, camera, (0.5, 0.5), aspect)
+    if seen is not None:
+        at, _ = usdslf.project_points(camera, seen.point[None], aspect)
+        print(seen.path, at, usdslf.camera_rays(camera, at, aspect).direction, color.display(seen.normal))
+    rows: list[usdslf.PrimRow] = usdslf.stage_prims(shot.stage)
+    frames: usdslf.FrameRange | None = usdslf.frame_range(shot.stage)
+    print(len(rows), frames.last if frames else None, usdslf.frame_of(session.strokes, None, []))
+    print("\n".join(usdslf.lines_of_report(usdslf.report_of(shot, session.solution, session.look))))
+    dab: usdslf.NextDab = usdslf.find_next_dab(shot, session.solution)
+    return dab.expected
+
+
+def kinds(view: usdslf.Camera) -> tuple[str, ...]:
+    print(view.path, usdslf.next_name([]))
+    return (*usdslf.TOOLS, *usdslf.MODES, *usdslf.SPACES, *usdslf.NORMS, *usdslf.SCOPES)
+
+
 def main() -> int:
     try:
         session = usdslf.open("shot.usda", elements=4000)

@@ -48,13 +48,21 @@ RIVAL_COST = 12.0  # beyond the nearest rival's, above which one is none
 
 @dataclass(frozen=True)
 class NextDab:
-    """A place to paint, and what each explanation would look like there."""
+    """A place to paint, and what each explanation would look like there.
 
-    xy: tuple[float, float]  # 0..1 of the picture, from its top left
-    position: tuple[float, float, float]  # world
-    expected: dict[str, tuple[float, float, float]]  # id of an explanation -> scene-linear radiance
-    gain: float  # squared difference over a painter's variance
-    is_decisive: bool  # whether one dab there tells the two apart
+    Attributes:
+        xy: 0..1 of the picture, from its top left.
+        position: in the world [stage units].
+        expected: id of an explanation -> scene-linear radiance.
+        gain: squared difference over a painter's variance.
+        is_decisive: whether one dab there tells the two apart.
+    """
+
+    xy: tuple[float, float]
+    position: tuple[float, float, float]
+    expected: dict[str, tuple[float, float, float]]
+    gain: float
+    is_decisive: bool
 
 
 def next_dab(

@@ -41,7 +41,7 @@ def film_window(camera: Camera, aspect: float) -> tuple[float, float, float, flo
 
 
 def film_aspect(camera: Camera) -> float:
-    """Returns width / height of the aperture: of the picture that strokes are painted on unless another is named."""
+    """Returns width / height of a camera's aperture: of the picture that strokes are painted on by default."""
     width, height = camera.horizontal_aperture, camera.vertical_aperture
     return width / height if width > 0 and height > 0 else 1.0
 
@@ -59,6 +59,8 @@ def camera_rays(camera: Camera, at: ArrayLike, aspect: float) -> CameraRays:
         camera: perspective or orthographic.
         at: (n, 2) picture coordinates in 0..1, origin top left.
         aspect: width / height of the picture.
+
+    Returns: n rays.
     """
     at = np.asarray(at, np.float64).reshape(-1, 2)
     left, right, bottom, top = film_window(camera, aspect)
@@ -90,6 +92,11 @@ def project_points(camera: Camera, points: ArrayLike, aspect: float) -> tuple[ND
     """Returns where world points land: picture coordinates (n, 2) and depth (n,) in front of the eye.
 
     Points at or behind the eye of a perspective camera give nan.
+
+    Args:
+        camera: perspective or orthographic.
+        points: (n, 3) [stage units].
+        aspect: width / height of the picture.
     """
     axes, eye = camera.world_from_camera[:3, :3], camera.world_from_camera[:3, 3]
     local = (np.asarray(points, np.float64).reshape(-1, 3) - eye) @ axes

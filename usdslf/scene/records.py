@@ -177,10 +177,20 @@ class MissingTexture:
 
 @dataclass(frozen=True)
 class Camera:
-    """A pinhole camera.  Looks along -Z of `world_from_camera`, +Y up; apertures and focal length share a unit."""
+    """A pinhole camera.  Looks along -Z of `world_from_camera`, +Y up; apertures and focal length share a unit.
+
+    Attributes:
+        path: of its prim, or of what made it.
+        world_from_camera: (4, 4), rigid, relative to `Scene.origin` [stage units].
+        horizontal_aperture, vertical_aperture: of the film; of an orthographic camera tenths of a stage unit.
+        focal_length: distance of the film.
+        horizontal_offset, vertical_offset: of the film's middle from the axis.
+        perspective: False: orthographic.
+        near, far: clipping planes [stage units]; inf: none.
+    """
 
     path: str
-    world_from_camera: F64  # (4, 4), rigid
+    world_from_camera: F64
     horizontal_aperture: float
     vertical_aperture: float
     focal_length: float

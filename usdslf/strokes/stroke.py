@@ -152,6 +152,7 @@ def frame_of(strokes: Iterable[Stroke], asked: float | None, warnings: list[str]
     """Returns the time code at which strokes are to be looked at: what is asked for, else their own.
 
     Args:
+        strokes: that are looked at together.
         asked: time code; None: as the strokes have it.
         warnings: takes a sentence where strokes are looked at elsewhere than they were painted.
 

@@ -1,0 +1,92 @@
+"""Viewport: the interface of whatever shows the picture of the shot.
+
+A viewport is a widget that shows what a camera sees, and nothing else.  Mouse, pen and keys, strokes, the brush, masks
+and marks are the canvas's (canvas.py), which lies over it and is the same for all of them.
+
+The picture fills the widget: where its shape differs from the camera's film, the shorter side of the film is widened,
+as `usdslf` and UsdRender's `expandAperture` do.  A place (x, y) of the picture is 0..1 from the top left of the widget.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+from numpy.typing import NDArray
+from PySide6.QtCore import SignalInstance
+from PySide6.QtWidgets import QWidget
+
+from hydra_viewer.model.display import DisplaySettings
+from usdslf import Camera, Shot
+
+
+@dataclass(frozen=True, eq=False)
+class Shown:
+    """What a viewport shows.
+
+    Attributes:
+        shot: as its files have it.
+        edited: with the look over it; the same as `shot` without one.  Its `stage` is a Usd.Stage that belongs to it
+            alone.
+        look: path of the look layer that is over it, composed as the strongest opinion, "" without one.  Its content
+            changes from one to the next, its path too.
+    """
+
+    shot: Shot
+    edited: Shot
+    look: str = ""
+
+
+class Viewport(Protocol):
+    """Shows what a camera sees.  Made on the main thread, and called on it; no call takes longer than 20 ms there."""
+
+    @property
+    def widget(self) -> QWidget:
+        """The widget; mouse and keys do not reach it."""
+
+    @property
+    def changed(self) -> SignalInstance:
+        """Signal(): another picture is shown, or a better one."""
+
+    @property
+    def failed(self) -> SignalInstance:
+        """Signal(str): why no picture can be shown, a sentence for the error bar."""
+
+    @property
+    def progress(self) -> SignalInstance:
+        """Signal(float): how far the picture is, 0..1; 1: it gets no better."""
+
+    def show_shot(self, shown: Shown | None) -> None:
+        """Shows a shot, or another state of the one that it shows; None: nothing."""
+
+    def set_camera(self, camera: Camera, is_moving: bool) -> None:
+        """Looks through a camera.
+
+        Args:
+            camera: relative to `Scene.origin` of the shot.
+            is_moving: more will follow at once; a coarse picture will do.
+        """
+
+    def set_display(self, display: DisplaySettings) -> None:
+        """Brings pixels to the screen in a way."""
+
+    def pixels(self) -> NDArray | None:
+        """Returns what is shown (h, w, 3), scene-linear in the working space, of any size; None: nothing yet."""
+
+    def stop(self) -> None:
+        """Ends its threads and gives back what it holds; nothing is called afterwards."""
+
+
+class MakeViewport(Protocol):
+    """Makes a viewport; what the window's menu lists.
+
+    Attributes:
+        name: of the menu's entry.
+        why_not: a sentence where it cannot be used here; "" where it can.
+    """
+
+    name: str
+    why_not: str
+
+    def __call__(self, parent: QWidget) -> Viewport:
+        """Returns a new one."""

@@ -1,0 +1,88 @@
+"""Prims: the tree of a composed stage, as rows for who looks for something in it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+from pxr import Usd, UsdGeom
+
+from usdslf.usd.binding import bound_material
+from usdslf.usd.border import quiet_usd
+
+
+@dataclass(frozen=True)
+class PrimRow:
+    """A prim of a stage.
+
+    Attributes:
+        path: of the prim.
+        name: its own.
+        type_name: Mesh, Xform, Camera, Material, ...; "" for an untyped one.
+        parent: index of its parent's row; -1 at the top.
+        is_gprim: has a surface that can be painted.
+        is_instance: shows what other instances show too; its children are instance proxies.
+        material: path of the material that is bound to it for rendering; "" for none, or where it is no gprim.
+    """
+
+    path: str
+    name: str
+    type_name: str
+    parent: int
+    is_gprim: bool = False
+    is_instance: bool = False
+    material: str = ""
+
+
+def stage_prims(stage: Any) -> list[PrimRow]:
+    """Returns the prims of a stage, parents before children, in its order; instances with their proxies.
+
+    Args:
+        stage: Usd.Stage.
+    """
+    rows: list[PrimRow] = []
+    row_of: dict[Any, int] = {}
+    with quiet_usd():
+        for prim in Usd.PrimRange.Stage(stage, Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)):
+            path = prim.GetPath()
+            is_gprim = prim.IsA(UsdGeom.Gprim)
+            bound = bound_material(prim) if is_gprim else None
+            row_of[path] = len(rows)
+            parent = row_of.get(path.GetParentPath(), -1)
+            rows.append(
+                PrimRow(
+                    str(path), prim.GetName(), str(prim.GetTypeName()), parent, is_gprim, prim.IsInstance(),
+                    str(bound.GetPath()) if bound else "",
+                )
+            )  # fmt: skip
+    return rows
+
+
+@dataclass(frozen=True)
+class FrameRange:
+    """The frames of a shot.
+
+    Attributes:
+        first, last: time codes.
+        per_second: frames a second.
+    """
+
+    first: float
+    last: float
+    per_second: float
+
+
+def frame_range(stage: Any) -> FrameRange | None:
+    """Returns the frames of a shot; None where it does not say, or has one alone.
+
+    Args:
+        stage: Usd.Stage.
+    """
+    if not stage.HasAuthoredTimeCodeRange():
+        return None
+    first, last = stage.GetStartTimeCode(), stage.GetEndTimeCode()
+    per_second = stage.GetFramesPerSecond() or stage.GetTimeCodesPerSecond() or 24.0
+    if not (math.isfinite(first) and math.isfinite(last) and last > first):
+        return None
+    return FrameRange(first, last, per_second)
