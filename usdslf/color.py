@@ -9,6 +9,7 @@ Names that the config lacks are looked up in OpenColorIO's built-in config, so t
 from __future__ import annotations
 
 import os
+import re
 from functools import lru_cache
 from typing import Any
 
@@ -94,6 +95,10 @@ class Color:
         names = [n for n in names if n] or [self.display_name]
         return {d: list(self._config.getViews(d)) for d in names}
 
+    def looks(self) -> list[str]:
+        """Returns the names of the looks that can be put in place of a view's own."""
+        return [str(look.getName()) for look in self._config.getLooks()]
+
     # ---- conversions -----------------------------------------------------------------------
     def to_working(self, pixels: ArrayLike, space: str) -> F32:
         """Returns pixels (n, 3) of a space in the working space.
@@ -121,6 +126,7 @@ class Color:
         display: str = "",
         view: str = "",
         invert: bool = False,
+        look: str = "",
     ) -> F32:
         """Returns working-space pixels (n, 3) as display code values, as a viewer shows them.
 
@@ -130,9 +136,10 @@ class Color:
             gamma: exponent 1 / gamma after the view.
             display, view: names in the config; default its first ones.
             invert: from display code values back to scene-linear; display white can become very large.
+            look: name in the config, or several as OpenColorIO writes them, in place of the view's own; default that.
 
         Raises:
-            InputError: the config has no such display or view.
+            InputError: the config has no such display, view or look.
         """
         display = display or self.display_name
         view = view or self._config.getDefaultView(display)
@@ -143,6 +150,9 @@ class Color:
         transform = ocio.DisplayViewTransform(src=source, display=display, view=view)
         pipeline = ocio.LegacyViewingPipeline()
         pipeline.setDisplayViewTransform(transform)
+        if look:
+            pipeline.setLooksOverrideEnabled(True)
+            pipeline.setLooksOverride(look)
         gain = float(2.0**exposure)
         pipeline.setLinearCC(ocio.MatrixTransform.Scale([gain, gain, gain, 1.0]))
         power = 1.0 / max(gamma, 1e-3)
@@ -150,6 +160,10 @@ class Color:
         try:
             processor = pipeline.getProcessor(self._config, self._config.getCurrentContext())
         except ocio.Exception:
+            known = self.looks()
+            if look and not any(part.strip(" +-") in known for part in re.split("[,|]", look)):
+                has = f"it has {', '.join(known)}" if known else "it has none at all"
+                raise InputError(f"{self.config_name} has no look {look!r}, {has}") from None
             raise InputError(
                 f"{self.config_name} has no display {display!r} with view {view!r}, "
                 f"it has {', '.join(self.displays())}"
