@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import importlib.util
 import os
 import platform
 import sys
 from collections.abc import Iterator
 from importlib.metadata import PackageNotFoundError, version
-from pathlib import Path
 
 import usdslf
 from usdslf.errors import UsdslfError
 from usdslf.sampling.hemisphere import D
 from usdslf.usd.schema import schema_folder
+from usdslf.usd.which_pxr import find_pxr
 
 PACKAGES = (
     "usd-core",
@@ -45,7 +44,8 @@ def diagnose(device: str | None = None, ocio: str | None = None) -> Iterator[Row
         yield "versions", package, _version(package)
     yield from _opencl(device, failed)
     yield from _color(ocio, failed)
-    yield "hydra", "viewport", hydra_state()
+    hydra = find_pxr()
+    yield "hydra", "viewport", ("present: " if hydra.has_imaging else "not present: ") + hydra.sentence
     yield from _folders()
     for error in failed:
         raise error
@@ -91,17 +91,6 @@ def _color(ocio: str | None, failed: list[UsdslfError]) -> Iterator[Row]:
     except UsdslfError as error:
         yield "colour", "OpenColorIO config", f"none: {error}"
         failed.append(error)
-
-
-def hydra_state() -> str:
-    """Says which pxr would draw a Hydra viewport, without importing any."""
-    spec = importlib.util.find_spec("pxr")
-    folders = [Path(p) for p in (spec.submodule_search_locations or ())] if spec else []
-    if any((folder / "UsdImagingGL").is_dir() for folder in folders):
-        return "present (the installed OpenUSD has UsdImagingGL)"
-    if importlib.util.find_spec("bpy"):
-        return "present (UsdImagingGL of the bpy package, GPL-3)"
-    return "not present; the built-in renderer is used (pip install 'usdslf[hydra]' on Python 3.13)"
 
 
 def _folders() -> Iterator[Row]:
