@@ -42,6 +42,11 @@ Public names; all others may change from version to version:
     Scene, Camera    the shot at a frame as numpy records
     Color, color_of  conversions of an OpenColorIO config, to the display too
     project_points, camera_rays, film_aspect     between the world and the picture of a camera
+    DisplayPass, DisplaySettings, DisplayShader         pictures as code values of a screen, quickly
+    CHANNELS, FALSE_COLORS                              what of a picture is shown; what false colours mean
+    view_and_projection                                 what OpenGL draws the picture of a camera with
+    choose_pxr, PxrChoice                               the OpenUSD build of this process; before it is imported
+    LiveStage        a shot under a look that changes while it is looked at, as a Usd.Stage
     pick, Pick       what a place of a picture shows
     stage_prims, PrimRow                         the tree of a stage
     frame_range, FrameRange                      the frames of a shot
@@ -60,6 +65,7 @@ from usdslf.usd.schema import announce_schema
 
 if TYPE_CHECKING:
     from usdslf.color import Color, color_of
+    from usdslf.display import CHANNELS, FALSE_COLORS, DisplayPass, DisplaySettings, DisplayShader
     from usdslf.hints import find_next_dab
     from usdslf.inference.next_dab import NextDab
     from usdslf.look import Look, author, live_picture, render_shot
@@ -67,21 +73,25 @@ if TYPE_CHECKING:
     from usdslf.progress import Cancelled, Progress, run, stepwise
     from usdslf.render.live.picture import LiveFrame, LivePicture
     from usdslf.report import lines_of_report, report_of
-    from usdslf.scene.cameras import camera_rays, film_aspect, project_points
+    from usdslf.scene.cameras import camera_rays, film_aspect, project_points, view_and_projection
     from usdslf.scene.records import Camera, Scene
     from usdslf.session import Session, open
     from usdslf.shot import Shot
     from usdslf.solution import Settings, Solution, solve, stylize_shot
     from usdslf.strokes.paint import paint_stroke
     from usdslf.strokes.stroke import MODES, NORMS, SCOPES, SPACES, TOOLS, Stroke, frame_of, next_name
+    from usdslf.usd.live_stage import LiveStage
     from usdslf.usd.prims import FrameRange, PrimRow, frame_range, stage_prims
     from usdslf.usd.stroke_layer import read_strokes, write_strokes
+    from usdslf.usd.which_pxr import PxrChoice, choose_pxr
 
 __version__ = "0.1.0"
 
 announce_schema()
 
 __all__ = [
+    "CHANNELS",
+    "FALSE_COLORS",
     "MODES",
     "NORMS",
     "SCOPES",
@@ -90,14 +100,19 @@ __all__ = [
     "Camera",
     "Cancelled",
     "Color",
+    "DisplayPass",
+    "DisplaySettings",
+    "DisplayShader",
     "FrameRange",
     "LiveFrame",
     "LivePicture",
+    "LiveStage",
     "Look",
     "NextDab",
     "Pick",
     "PrimRow",
     "Progress",
+    "PxrChoice",
     "Scene",
     "Session",
     "Settings",
@@ -108,6 +123,7 @@ __all__ = [
     "__version__",
     "author",
     "camera_rays",
+    "choose_pxr",
     "color_of",
     "film_aspect",
     "find_next_dab",
@@ -128,14 +144,22 @@ __all__ = [
     "stage_prims",
     "stepwise",
     "stylize_shot",
+    "view_and_projection",
     "write_strokes",
 ]
 
 # Loaded at first use, so that `usdslf --help` and `usdslf doctor` neither wait for USD nor need OpenCL.
 _HOME = {
     **dict.fromkeys(("Camera", "Scene"), "usdslf.scene.records"),
-    **dict.fromkeys(("camera_rays", "film_aspect", "project_points"), "usdslf.scene.cameras"),
+    **dict.fromkeys(
+        ("camera_rays", "film_aspect", "project_points", "view_and_projection"), "usdslf.scene.cameras"
+    ),
     **dict.fromkeys(("Color", "color_of"), "usdslf.color"),
+    **dict.fromkeys(
+        ("CHANNELS", "FALSE_COLORS", "DisplayPass", "DisplaySettings", "DisplayShader"), "usdslf.display"
+    ),
+    **dict.fromkeys(("PxrChoice", "choose_pxr"), "usdslf.usd.which_pxr"),
+    "LiveStage": "usdslf.usd.live_stage",
     **dict.fromkeys(("Pick", "pick"), "usdslf.picking"),
     **dict.fromkeys(("FrameRange", "PrimRow", "frame_range", "stage_prims"), "usdslf.usd.prims"),
     "find_next_dab": "usdslf.hints",

@@ -65,6 +65,21 @@ def look_around(session: usdslf.Session) -> dict[str, tuple[float, float, float]
     return dab.expected
 
 
+def show(session: usdslf.Session, look: str) -> int:
+    choice: usdslf.PxrChoice = usdslf.choose_pxr()
+    print(choice.sentence)
+    shot, camera = session.shot, session.camera()
+    live: usdslf.LiveStage = usdslf.LiveStage.of(shot.stage, shot.scene)
+    live.show(look)
+    view, projection = usdslf.view_and_projection(camera, 2.0, 0.1, 100.0)
+    settings = usdslf.DisplaySettings(exposure=1.0, channel=usdslf.CHANNELS[1])
+    display = usdslf.DisplayPass.of(usdslf.color_of(shot.ocio, shot.scene.working_space), settings)
+    codes = display.codes(session.render()["color"], settings)
+    shader: usdslf.DisplayShader = display.shader
+    print(view, projection, shader.text, usdslf.FALSE_COLORS[0])
+    return int(codes.max())
+
+
 def kinds(view: usdslf.Camera) -> tuple[str, ...]:
     print(view.path, usdslf.next_name([]))
     return (*usdslf.TOOLS, *usdslf.MODES, *usdslf.SPACES, *usdslf.NORMS, *usdslf.SCOPES)

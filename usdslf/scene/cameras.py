@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from usdslf.scene.records import F32, Camera
+from usdslf.scene.records import F32, F64, Camera
 
 APERTURE_UNIT = 0.1  # stage units in one unit of aperture of an orthographic camera (GfCamera::APERTURE_UNIT)
 
@@ -115,3 +115,34 @@ def pixel_size(camera: Camera, distance: NDArray, size: tuple[int, int]) -> NDAr
     if camera.perspective:
         return np.asarray(distance) * ((right - left) / size[0] / camera.focal_length)
     return np.full(np.shape(distance), (right - left) / size[0])
+
+
+def view_and_projection(
+    camera: Camera, aspect: float, near: float, far: float, shift: tuple[float, float] = (0.0, 0.0)
+) -> tuple[F64, F64]:
+    """Returns what OpenGL draws a camera's picture with: matrices (4, 4) that act on column vectors.
+
+    Args:
+        camera: perspective or orthographic.
+        aspect: width / height of the picture.
+        near, far: depth of what is drawn [stage units], near above 0 for perspective.
+        shift: of the picture to the right and up, in widths and heights of it.
+
+    Returns: camera_from_world, and clip_from_camera with depth -1..1.
+    """
+    left, right, bottom, top = film_window(camera, aspect)
+    x, y = shift[0] * (right - left), shift[1] * (top - bottom)
+    left, right, bottom, top = left - x, right - x, bottom - y, top - y
+    out = np.zeros((4, 4))
+    out[0, 0], out[1, 1] = 2 / (right - left), 2 / (top - bottom)
+    across, upwards = (right + left) / (right - left), (top + bottom) / (top - bottom)
+    if camera.perspective:
+        out[0, 0], out[1, 1] = out[0, 0] * camera.focal_length, out[1, 1] * camera.focal_length
+        out[:2, 2] = across, upwards
+        out[2, 2:] = -(far + near) / (far - near), -2 * far * near / (far - near)
+        out[3, 2] = -1
+    else:
+        out[:2, 3] = -across, -upwards
+        out[2, 2:] = -2 / (far - near), -(far + near) / (far - near)
+        out[3, 3] = 1
+    return np.linalg.inv(np.asarray(camera.world_from_camera, np.float64)), out
