@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from kit.scene_pictures import matte
-from kit.scene_records import make_scene, sphere
+from kit.scene_records import make_mesh, make_scene, sphere
 
-from usdslf.rays import RayTracer
+from usdslf.rays import BLOCK, RayTracer
 from usdslf.scene.records import constant
 
 
@@ -34,3 +34,24 @@ def test_rays_of_no_length_are_none_and_the_others_are_traced(share: float, opac
     tracer.occluded_into((origin, direction, np.minimum(length, 4)), blocked)
     np.testing.assert_array_equal(blocked[there] > 0, tracer.occluded(origin, direction, 4.0)[there])
     assert hit.mean() >= 0.5 * share
+
+
+def test_triangles_of_many_blocks_keep_their_numbers() -> None:
+    side = 160
+    x, y = np.meshgrid(np.arange(side), np.arange(side))
+    a = np.stack([x, y, np.zeros_like(x)], -1).reshape(-1, 3)  # lower left corners of unit squares in z = 0
+    right, up = np.array([1, 0, 0]), np.array([0, 1, 0])
+    corners = np.stack([np.stack([a, a + right, a + up], 1), np.stack([a + right + up, a + up, a + right], 1)], 1)
+    points = corners.reshape(-1, 3).astype(np.float32)
+    grid = make_mesh(points, np.arange(len(points)).reshape(-1, 3))
+    tracer = RayTracer(make_scene(grid))
+    asked = np.random.default_rng(5).permutation(2 * side * side)[:20_000]
+    assert 2 * side * side > BLOCK
+    origin = points.reshape(-1, 3, 3)[asked].mean(1) + np.float32([0, 0, 1])
+    down = np.broadcast_to(np.float32([0, 0, -1]), origin.shape)
+    np.testing.assert_array_equal(tracer.intersect(origin, down).triangle, asked)
+    np.testing.assert_array_equal(tracer.intersect_columns(origin.copy(), down.copy())[0], asked)
+    triangle, (u, v, distance) = np.zeros(len(asked), np.int32), np.zeros((3, len(asked)), np.float32)
+    tracer.intersect_into((origin, down.copy(), np.full(len(asked), 2, np.float32)), (triangle, u, v, distance))
+    np.testing.assert_array_equal(triangle, asked)
+    assert (tracer.intersect(origin, -down).triangle == -1).all()

@@ -19,7 +19,7 @@ from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 from numpy.typing import NDArray
 
-from usdslf.progress import tell
+from usdslf.progress import in_blocks, tell
 from usdslf.scene.records import F32, I32, Scene
 from usdslf.surfaces.surface_points import evaluate_opacity
 from usdslf.threads import Work, map_ahead, thread_count
@@ -27,6 +27,7 @@ from usdslf.threads import Work, map_ahead, thread_count
 LEAST_COSINE = 0.005  # rays that a shading normal sends below the surface leave it at this angle
 FAR = np.float32(1e37)  # Embree's "no limit"
 CHUNK = 16384  # rays of one run: their records stay in the second-level cache
+BLOCK = 32768  # triangles that are handed to Embree in one call, which holds the GIL for some 50 ms
 MAX_LAYERS = 32  # see-through surfaces that a ray may pass
 ULPS = 16.0  # offset of ray origins, in units of the last place of the coordinates
 MOST = 0.8  # share of rows that are rays, above which the others are traced with them
@@ -73,8 +74,9 @@ class RayTracer:
         self.extent: F32 = np.abs(corners).max((1, 2)) if len(corners) else np.zeros(0, np.float32)
         self._usual_extent = float(np.quantile(self.extent, 0.99)) if len(corners) else 0.0
         self._embree = EmbreeScene()
-        if len(corners):
-            TriangleMesh(self._embree, corners)  # of corners, not of points: it holds the GIL, for less long that way
+        starts = [block.start for block in _hand_over(self._embree, corners)]
+        # (meshes + 1,) first triangle of each of Embree's meshes; the last, -1, is that of rays that met none
+        self._first = np.array([*starts, 0], np.int32)
         self._embree.run(np.zeros((1, 3), np.float32), np.ones((1, 3), np.float32))
         self._pool = ThreadPoolExecutor(self.threads, thread_name_prefix="usdslf-rays")
         finalize(self, self._pool.shutdown, wait=False)
@@ -144,7 +146,7 @@ class RayTracer:
                 if not len(at):
                     return
             met = self._embree.run(origin[at], direction[at], dists=length[at].copy(), output=True)
-            triangle[at], u[at], v[at], distance[at] = met["primID"], met["u"], met["v"], met["tfar"]
+            triangle[at], u[at], v[at], distance[at] = self._triangle(met), met["u"], met["v"], met["tfar"]
 
         self._run_chunks(len(length), run)
         if self._clear is None:
@@ -180,7 +182,7 @@ class RayTracer:
         Returns: triangle, u, v, distance, each (n,); the distance of a miss is any large number.
         """
         found = self._embree.run(origins, directions, output=True)
-        triangle, u, v, distance = (found[name] for name in ("primID", "u", "v", "tfar"))
+        triangle, u, v, distance = self._triangle(found), *(found[name] for name in ("u", "v", "tfar"))
         if self._clear is None:
             return triangle, u, v, distance
         hits = Hits(triangle, np.stack([u, v], 1), distance)
@@ -214,6 +216,11 @@ class RayTracer:
         step = ULPS * np.finfo(np.float32).eps * extent
         return (p + step[..., None] * np.asarray(geometric_normals, np.float64)).astype(np.float32)
 
+    def _triangle(self, found: dict[str, NDArray]) -> I32:
+        """The triangles (n,) that Embree's records name by mesh and row, -1 where nothing was hit."""
+        row: I32 = found["primID"]
+        return row if len(self._first) < 3 else row + self._first[found["geomID"]]
+
     def _run_chunks(self, n: int, run: Callable[[slice], None]) -> None:
         slices = [slice(a, min(a + CHUNK, n)) for a in range(0, n, CHUNK)]
         if len(slices) < 2 or self.threads == 1:
@@ -225,7 +232,7 @@ class RayTracer:
 
     def _intersect_into(self, o: F32, d: F32, hits: Hits, rows: slice | NDArray) -> None:
         found = self._embree.run(o, d, output=True)
-        triangle = found["primID"]
+        triangle = self._triangle(found)
         hits.triangle[rows] = triangle
         hits.barycentric[rows, 0] = found["u"]
         hits.barycentric[rows, 1] = found["v"]
@@ -259,6 +266,13 @@ class RayTracer:
 
     def _material_opacity(self, triangle: I32, barycentric: F32) -> F32:
         return evaluate_opacity(self.scene, triangle, barycentric)[0]
+
+
+def _hand_over(embree: EmbreeScene, corners: F32) -> Iterator[slice]:
+    """Makes Embree's meshes of triangles (T, 3, 3), yields the rows of each, and tells after it."""
+    for rows in in_blocks(len(corners), BLOCK):
+        TriangleMesh(embree, corners[rows])  # of corners, not of points: it holds the GIL, for less long that way
+        yield rows
 
 
 def _there(length: F32, rows: slice) -> Any:
