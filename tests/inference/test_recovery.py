@@ -1,11 +1,12 @@
 """Strokes painted from a path tracer's pictures give back the change that was made.
 
-The truth lies in recovery/truth, made by recovery/make_truth.py.
+The truth lies in recovery/truth, made by recovery/make_truth.py.  Runs side by side divide the cases, see kit/share.py.
 """
 
 from __future__ import annotations
 
 import pytest
+from kit.share import share_of
 from truth.recovery.cases import CASES, UNDECIDABLE
 from truth.recovery.run_recovery import (
     TRUTH,
@@ -25,7 +26,7 @@ CLOSE = 0.9  # share of the right exact strokes whose value is within tolerance
 
 @pytest.fixture(scope="module")
 def outcomes() -> list[Outcome]:
-    return list(run(select("tuning")))
+    return list(run(share_of(select("tuning"))))
 
 
 def test_every_case_has_a_truth_with_visible_change() -> None:

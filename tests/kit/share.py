@@ -1,0 +1,22 @@
+"""The share of a long suite that one of several runs side by side asks: `USDSLF_SHARE=1/2` is the second half.
+
+The gate runs all tests on several Pythons at once.  Suites that count how often the numerics are right (hundreds of
+solves, alike on all of them) are divided among those runs, so that one gate asks each case once.  Without the variable
+a run asks all.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from typing import TypeVar
+
+Item = TypeVar("Item")
+
+
+def share_of(items: Sequence[Item]) -> list[Item]:
+    """Returns every n-th of some items, from the k-th on, where the variable says k/n (0/1: all)."""
+    number, count = (int(x) for x in os.environ.get("USDSLF_SHARE", "0/1").split("/"))
+    if not 0 <= number < count:
+        raise ValueError(f"USDSLF_SHARE={number}/{count}: the first number is 0 to {count - 1}")
+    return list(items[number::count])
