@@ -1,6 +1,6 @@
 """Qt: window, panels, viewports, and the workers that step long work.
 
-    viewport    the interface of whatever shows the picture
-    canvas      a viewport with strokes and the brush over it; takes mouse, pen and keys
-    words       all text that is shown
+viewport    the interface of whatever shows the picture
+canvas      a viewport with strokes and the brush over it; takes mouse, pen and keys
+words       all text that is shown
 """

@@ -9,6 +9,7 @@ as `usdslf` and UsdRender's `expandAperture` do.  A place (x, y) of the picture 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -30,11 +31,13 @@ class Shown:
             alone.
         look: path of the look layer that is over it, composed as the strongest opinion, "" without one.  Its content
             changes from one to the next, its path too.
+        is_lit: the light field of `edited` is made; False: it would have to be, and comes next.
     """
 
     shot: Shot
     edited: Shot
     look: str = ""
+    is_lit: bool = True
 
 
 class Viewport(Protocol):
@@ -70,6 +73,9 @@ class Viewport(Protocol):
     def set_display(self, display: DisplaySettings) -> None:
         """Brings pixels to the screen in a way."""
 
+    def hold(self, is_held: bool) -> None:
+        """Leaves the processor to work that somebody waits for: the picture gets no better until it is let go."""
+
     def pixels(self) -> NDArray | None:
         """Returns what is shown (h, w, 3), scene-linear in the working space, of any size; None: nothing yet."""
 
@@ -77,16 +83,16 @@ class Viewport(Protocol):
         """Ends its threads and gives back what it holds; nothing is called afterwards."""
 
 
-class MakeViewport(Protocol):
-    """Makes a viewport; what the window's menu lists.
+@dataclass(frozen=True)
+class ViewportKind:
+    """A kind of viewport, as the window's menu lists it.
 
     Attributes:
         name: of the menu's entry.
+        make: returns a new one, a child of a widget.
         why_not: a sentence where it cannot be used here; "" where it can.
     """
 
     name: str
-    why_not: str
-
-    def __call__(self, parent: QWidget) -> Viewport:
-        """Returns a new one."""
+    make: Callable[[QWidget], Viewport]
+    why_not: str = ""

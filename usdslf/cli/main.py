@@ -24,6 +24,7 @@ from usdslf.cli.commands.review import review
 from usdslf.cli.commands.solve import solve
 from usdslf.cli.commands.stroke import stroke
 from usdslf.cli.commands.stylize import stylize
+from usdslf.cli.commands.view import view
 from usdslf.cli.program import Program, Settings
 from usdslf.cli.terminal import log_as_warnings
 from usdslf.errors import InputError, UsdslfError
@@ -36,7 +37,7 @@ def program() -> None:
     """Paint how a surface should look; get the material change that explains it, as a USD layer."""
 
 
-for command in (info, review, render, stroke, solve, stylize, demo, bench, doctor, cache):
+for command in (info, review, render, stroke, solve, stylize, view, demo, bench, doctor, cache):
     program.add_command(command)
 
 

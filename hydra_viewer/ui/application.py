@@ -1,0 +1,65 @@
+"""The application: one window, from the command line's arguments."""
+
+from __future__ import annotations
+
+import argparse
+import signal
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from PySide6.QtCore import QTimer
+from PySide6.QtWidgets import QApplication
+
+from hydra_viewer.model.document import Files
+from hydra_viewer.ui import words
+from hydra_viewer.ui.theme import apply_theme
+from hydra_viewer.ui.window import Window
+
+OPTIONS: dict[str, Callable[[str], Any]] = {
+    "frame": float, "device": str, "ocio": str, "elements": int, "bounces": int, "refine": int, "model": str,
+    "missing_dome": str,
+}  # fmt: skip
+"""Of `Shot.open`, and what each is read as."""
+
+
+def make_application() -> QApplication:
+    """Returns the application, the one that runs already where there is one, with the theme."""
+    existing = QApplication.instance()
+    if isinstance(existing, QApplication):
+        return existing
+    application = QApplication([words.TITLE])
+    application.setApplicationName(words.TITLE)
+    apply_theme(application)
+    return application
+
+
+def view(files: Files, options: Mapping[str, Any] | None = None) -> int:
+    """Shows a shot until the window is closed; returns the exit code.
+
+    Args:
+        files: stage, strokes and look; "" for what there is not.
+        options: of `Shot.open`.
+    """
+    application = make_application()
+    window = Window(options)
+    window.show()
+    if files.stage:
+        window.open(files)
+    signal.signal(signal.SIGINT, lambda *_: window.close())
+    beat = QTimer(window)  # Python hears of signals between events only
+    beat.timeout.connect(lambda: None)
+    beat.start(200)
+    return application.exec()
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Runs `python -m hydra_viewer`, whose options are those of the command line's `view`."""
+    parser = argparse.ArgumentParser(prog="usdslf view", description=words.PROGRAM)
+    for name in ("stage", "strokes", "look"):
+        parser.add_argument(name, nargs="?", default="", metavar=name.upper())
+    parser.add_argument("--make-preview", action="store_true")
+    for name, kind in OPTIONS.items():
+        parser.add_argument(f"--{name.replace('_', '-')}", type=kind)
+    given = vars(parser.parse_args(arguments))
+    files = Files(*(given.pop(name) for name in ("stage", "strokes", "look")))
+    return view(files, {name: value for name, value in given.items() if value is not None})

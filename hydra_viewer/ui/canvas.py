@@ -1,0 +1,274 @@
+"""Canvas: a viewport with strokes and the brush over it; takes mouse, pen and wheel.
+
+left button             paint, select or pick a colour, as the pointer is set
+Alt + left, middle, right   orbit, pan, dolly; the wheel dollies too
+Ctrl + left             pick a colour; with tool clone: the place that it copies
+B + left                change the brush's size;  Shift + left  a straight line
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from PySide6.QtCore import QEvent, QPointF, QRect, Qt, Signal
+from PySide6.QtGui import (
+    QContextMenuEvent,
+    QEnterEvent,
+    QKeyEvent,
+    QMouseEvent,
+    QResizeEvent,
+    QTabletEvent,
+    QWheelEvent,
+)
+from PySide6.QtWidgets import QWidget
+
+from hydra_viewer.model.navigation import dollied
+from hydra_viewer.model.painting import stroke_of
+from hydra_viewer.ui import words
+from hydra_viewer.ui.gestures import At, Click, Gesture, Navigate, Paint, Resize
+from hydra_viewer.ui.overlay import Overlay
+from hydra_viewer.ui.viewport import Shown, Viewport, ViewportKind
+from usdslf import Pick, UsdslfError, pick
+
+if TYPE_CHECKING:
+    from hydra_viewer.model.document import Document
+    from hydra_viewer.model.easel import Easel
+    from hydra_viewer.model.painting import PenPath
+
+LEFT, MIDDLE, RIGHT = Qt.MouseButton.LeftButton, Qt.MouseButton.MiddleButton, Qt.MouseButton.RightButton
+ALT, CTRL, SHIFT = (
+    Qt.KeyboardModifier.AltModifier,
+    Qt.KeyboardModifier.ControlModifier,
+    Qt.KeyboardModifier.ShiftModifier,
+)
+WHEEL = 0.15  # doublings of the distance a notch
+
+
+class Canvas(QWidget):
+    """The picture to paint on.
+
+    Attributes:
+        failed: Signal(str): a sentence for the error bar.
+        progress: Signal(float): of the picture, 0..1.
+    """
+
+    failed = Signal(str)
+    progress = Signal(float)
+
+    def __init__(self, document: Document, easel: Easel, kind: ViewportKind, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self.document, self.easel = document, easel
+        self._gesture: Gesture | None = None
+        self._is_resizing_key_down = False
+        self._is_held = False
+        self.setMinimumSize(320, 180)
+        self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
+        self.setMouseTracking(True)
+        self.setAttribute(Qt.WidgetAttribute.WA_TabletTracking)
+        self.overlay = Overlay(document, easel, self)
+        self.viewport: Viewport = self._made(kind)
+        document.shot_changed.connect(self._show_shot)
+        document.found_changed.connect(self._show_shot)
+        easel.view_changed.connect(self._show_view)
+        easel.display_changed.connect(lambda: self.viewport.set_display(easel.display))
+        self._show_shot()
+
+    # ── the viewport ───────────────────────────────────────────────────────────────────────────
+
+    def _made(self, kind: ViewportKind) -> Viewport:
+        viewport = kind.make(self)
+        viewport.failed.connect(self.failed)
+        viewport.progress.connect(self.progress)
+        viewport.widget.setAttribute(Qt.WidgetAttribute.WA_TransparentForMouseEvents)
+        viewport.widget.setGeometry(self.rect())
+        viewport.widget.show()
+        self.overlay.raise_()
+        return viewport
+
+    def use_viewport(self, kind: ViewportKind) -> None:
+        """Shows the picture by another viewport; camera, display and shot stay."""
+        before = self.viewport
+        before.widget.hide()
+        before.stop()
+        before.widget.deleteLater()
+        self.viewport = self._made(kind)
+        self.viewport.set_display(self.easel.display)
+        self._show_shot()
+        self._show_view()
+
+    def stop(self) -> None:
+        """Ends the viewport's threads."""
+        self.viewport.stop()
+
+    def hold(self, is_held: bool) -> None:
+        """Leaves the processor to other work; see `Viewport.hold`."""
+        self.viewport.hold(is_held)
+
+    def _show_shot(self) -> None:
+        shot, found = self.document.shot, self.document.found
+        if shot is None:
+            self.viewport.show_shot(None)
+        elif found is None or found.shot is None or found.look is None:
+            if found is None:
+                self.viewport.show_shot(Shown(shot, shot))
+        else:
+            self.viewport.show_shot(Shown(shot, found.shot, found.look.path, found.is_lit))
+        self.overlay.update()
+
+    def _show_view(self) -> None:
+        if self.easel.view is not None:
+            self.viewport.set_camera(self.easel.view.camera, self.easel.is_moving)
+        self.overlay.update()
+
+    # ── places ─────────────────────────────────────────────────────────────────────────────────
+
+    @property
+    def aspect(self) -> float:
+        """Width / height of the picture."""
+        return self.width() / max(self.height(), 1)
+
+    def place(self, at: At) -> At:
+        """Returns where in the picture, 0..1 from its top left, a pixel of the widget is."""
+        return at[0] / max(self.width(), 1), at[1] / max(self.height(), 1)
+
+    def pick(self, at: At) -> Pick | None:
+        """Returns what is seen at a pixel of the widget."""
+        if self.document.shot is None or self.easel.view is None:
+            return None
+        return pick(self.document.shot, self.easel.view.camera, self.place(at), self.aspect)
+
+    # ── painting ───────────────────────────────────────────────────────────────────────────────
+
+    def draw_path(self, path: PenPath | None) -> None:
+        """Draws the stroke that is being painted, in its raw colour."""
+        self.overlay.draw_path(path)
+
+    def finish_stroke(self, path: PenPath) -> None:
+        """Makes a stroke of a path and puts it on the shot."""
+        document, easel = self.document, self.easel
+        if document.shot is None or easel.view is None:
+            return
+        brush = easel.brush
+        try:
+            stroke = stroke_of(document.shot, easel.view.camera, path, brush, self.aspect, document.next_name)
+        except UsdslfError as error:
+            self.failed.emit(str(error))
+            return
+        easel.set_brush(brush.used())
+        document.change_strokes(words.painted(brush.tool), [*document.strokes, stroke])
+
+    def take_color(self, at: At) -> None:
+        """Takes the colour of the picture for the brush, scene-linear."""
+        pixels = self.viewport.pixels()
+        if pixels is None:
+            return
+        h, w = pixels.shape[:2]
+        x, y = self.place(at)
+        color = pixels[min(max(int(y * h), 0), h - 1), min(max(int(x * w), 0), w - 1)]
+        r, g, b = (float(c) for c in np.maximum(color, 0))
+        self.easel.set_brush(color=(r, g, b))
+
+    def _take_source(self, at: At) -> None:
+        found = self.pick(at)
+        if found is not None:
+            x, y, z = (float(v) for v in found.point)
+            self.easel.set_brush(clone_source=(x, y, z))
+            self.overlay.update()
+
+    def _select(self, at: At) -> None:
+        found = self.pick(at)
+        self.document.select(found.path if found is not None else "")
+
+    # ── events ─────────────────────────────────────────────────────────────────────────────────
+
+    def _gesture_of(self, button: Qt.MouseButton, held: Qt.KeyboardModifier, at: At, pressure: float) -> Gesture | None:
+        easel = self.easel
+        if easel.view is None:
+            return None
+        kinds = {LEFT: "orbit", MIDDLE: "pan", RIGHT: "dolly"}
+        if held & ALT and button in kinds:
+            return Navigate(easel, kinds[button], at, self.height())
+        if button is MIDDLE:
+            return Navigate(easel, "pan", at, self.height())
+        if button is not LEFT:
+            return None
+        if self._is_resizing_key_down:
+            return Resize(easel, at, self.height())
+        if held & CTRL:
+            return Click(self._take_source if easel.brush.tool == "clone" else self.take_color, at)
+        if easel.pointer == "select":
+            return Click(self._select, at)
+        if easel.pointer == "eyedropper":
+            return Click(self.take_color, at)
+        return Paint(self, at, pressure)
+
+    def _press(self, button: Qt.MouseButton, held: Qt.KeyboardModifier, at: At, pressure: float = 1.0) -> None:
+        self.setFocus(Qt.FocusReason.MouseFocusReason)
+        if self._gesture is None:
+            self._gesture = self._gesture_of(button, held, at, pressure)
+
+    def _move(self, held: Qt.KeyboardModifier, at: At, pressure: float = 1.0) -> None:
+        self.overlay.point_at(at)
+        if self._gesture is not None:
+            self._gesture.move(at, pressure, bool(held & SHIFT))
+
+    def _release(self, at: At) -> None:
+        gesture, self._gesture = self._gesture, None
+        if gesture is not None:
+            gesture.release(at)
+
+    def mousePressEvent(self, event: QMouseEvent) -> None:
+        self._press(event.button(), event.modifiers(), _at(event.position()))
+
+    def mouseMoveEvent(self, event: QMouseEvent) -> None:
+        self._move(event.modifiers(), _at(event.position()))
+
+    def mouseReleaseEvent(self, event: QMouseEvent) -> None:
+        self._release(_at(event.position()))
+
+    def tabletEvent(self, event: QTabletEvent) -> None:
+        at, pressure = _at(event.position()), event.pressure()
+        if event.type() == QEvent.Type.TabletPress:
+            self._press(event.button(), event.modifiers(), at, pressure)
+        elif event.type() == QEvent.Type.TabletMove:
+            self._move(event.modifiers(), at, pressure)
+        else:
+            self._release(at)
+        event.accept()  # else it comes again as a mouse event
+
+    def wheelEvent(self, event: QWheelEvent) -> None:
+        if self.easel.view is not None:
+            self.easel.look_from(dollied(self.easel.view, WHEEL * event.angleDelta().y() / 120))
+
+    def contextMenuEvent(self, event: QContextMenuEvent) -> None:
+        event.accept()
+
+    def enterEvent(self, event: QEnterEvent) -> None:
+        self.overlay.point_at(_at(event.position()))
+
+    def leaveEvent(self, event: QEvent) -> None:
+        self.overlay.point_at(None)
+
+    def keyPressEvent(self, event: QKeyEvent) -> None:
+        if event.key() == Qt.Key.Key_Escape and self._gesture is not None:
+            gesture, self._gesture = self._gesture, None
+            gesture.cancel()
+        elif event.key() == Qt.Key.Key_B:
+            self._is_resizing_key_down = True
+        else:
+            super().keyPressEvent(event)
+
+    def keyReleaseEvent(self, event: QKeyEvent) -> None:
+        if event.key() == Qt.Key.Key_B and not event.isAutoRepeat():
+            self._is_resizing_key_down = False
+        super().keyReleaseEvent(event)
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        rect = QRect(0, 0, self.width(), self.height())
+        self.viewport.widget.setGeometry(rect)
+        self.overlay.setGeometry(rect)
+
+
+def _at(point: QPointF) -> At:
+    return point.x(), point.y()

@@ -1,0 +1,63 @@
+"""Solving: whenever strokes change, what they ask for is found anew, on the worker, and what is stale is cancelled."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+
+from PySide6.QtCore import QObject, Signal
+
+from hydra_viewer.model.document import Document
+from hydra_viewer.model.found import Found
+from hydra_viewer.model.work import finding
+from hydra_viewer.ui.worker import Job, Worker
+
+KIND = "solve"
+
+
+class Solving(QObject):
+    """Keeps what was found up with the strokes.
+
+    Attributes:
+        failed: Signal(str): why the strokes ask for nothing that can be found.
+        found: Signal(): another sentence, or another picture, is there.
+    """
+
+    failed = Signal(str)
+    found = Signal()
+
+    def __init__(self, document: Document, worker: Worker, parent: QObject | None = None) -> None:
+        super().__init__(parent)
+        self._document, self._worker = document, worker
+        self._folder = tempfile.TemporaryDirectory(prefix="usdslf-looks-")
+        document.strokes_changed.connect(self.solve)
+        document.shot_changed.connect(lambda: worker.cancel(KIND))
+
+    @property
+    def is_under_way(self) -> bool:
+        """Whether something is looked for."""
+        return self._worker.is_doing(KIND)
+
+    def solve(self) -> None:
+        """Finds what the active strokes ask for, in place of what is being found."""
+        document, shot, strokes = self._document, self._document.shot, self._document.active
+        if shot is None or document.is_solved:
+            self._worker.cancel(KIND)
+            return
+        if not strokes:
+            self._worker.cancel(KIND)
+            self._take(None)
+            return
+        folder = Path(self._folder.name)
+        self._worker.start(Job(KIND, lambda: finding(shot, strokes, folder), self._take, self._fail, self._take))
+
+    def stop(self) -> None:
+        """Removes the looks that were only looked at."""
+        self._folder.cleanup()
+
+    def _take(self, found: Found | None) -> None:
+        self._document.take_found(found)
+        self.found.emit()
+
+    def _fail(self, sentence: str, error: BaseException) -> None:
+        self.failed.emit(sentence)

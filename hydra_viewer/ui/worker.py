@@ -1,0 +1,125 @@
+"""Worker: steps generators on a thread, so that the main thread is never blocked.
+
+A job is a generator of Progress, and of what is whole already; each is handed on by a signal to the main thread.  A new
+job of the same kind cancels the one that it makes stale; `cancel` cancels them all.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Generator
+from dataclasses import dataclass, field
+from typing import Any
+
+from PySide6.QtCore import QObject, Signal
+
+from hydra_viewer.ui import words
+from usdslf import Cancelled, Progress, UsdslfError
+
+Steps = Callable[[], Generator[Any, None, Any]]
+
+
+@dataclass(eq=False)
+class Job:
+    """Work under way.
+
+    Attributes:
+        kind: one job of a kind runs at a time.
+        steps: makes its generator, on the worker's thread.
+        part, done, failed: told what is whole already, the result, or a sentence and the error; on the main thread.
+    """
+
+    kind: str
+    steps: Steps
+    done: Callable[[Any], None]
+    failed: Callable[[str, BaseException], None]
+    part: Callable[[Any], None] = lambda part: None
+    is_cancelled: threading.Event = field(default_factory=threading.Event)
+
+
+class Worker(QObject):
+    """Runs jobs, each on a thread of its own.
+
+    Attributes:
+        progressed: Signal(str, float): step and share of the job that was begun last.
+        idle_changed: Signal(bool): whether nothing is done.
+    """
+
+    progressed = Signal(str, float)
+    idle_changed = Signal(bool)
+    _told = Signal(object, str, object)
+
+    def __init__(self, parent: QObject | None = None) -> None:
+        super().__init__(parent)
+        self._jobs: dict[str, Job] = {}
+        self._threads: list[threading.Thread] = []
+        self._told.connect(self._hear)
+
+    @property
+    def is_idle(self) -> bool:
+        """Whether nothing is done."""
+        return not self._jobs
+
+    def is_doing(self, kind: str) -> bool:
+        """Whether a job of a kind is under way."""
+        return kind in self._jobs
+
+    def start(self, job: Job) -> None:
+        """Begins a job; one of the same kind is cancelled, and tells nothing any more."""
+        self.cancel(job.kind)
+        was_idle = self.is_idle
+        self._jobs[job.kind] = job
+        self._threads = [t for t in self._threads if t.is_alive()]
+        thread = threading.Thread(target=self._run, args=(job,), name=f"viewer-{job.kind}", daemon=True)
+        self._threads.append(thread)
+        thread.start()
+        if was_idle:
+            self.idle_changed.emit(False)
+
+    def cancel(self, kind: str = "") -> None:
+        """Cancels the job of a kind; "": all."""
+        for job in [j for j in self._jobs.values() if kind in ("", j.kind)]:
+            job.is_cancelled.set()
+            del self._jobs[job.kind]
+            if self.is_idle:
+                self.idle_changed.emit(True)
+
+    def stop(self) -> None:
+        """Cancels all and waits until it has ended."""
+        self.cancel()
+        for thread in self._threads:
+            thread.join(timeout=10)
+
+    def _run(self, job: Job) -> None:
+        """On the job's own thread."""
+        steps = job.steps()
+        try:
+            while not job.is_cancelled.is_set():
+                told = next(steps)
+                self._told.emit(job, "progress" if isinstance(told, Progress) else "part", told)
+        except StopIteration as end:
+            self._told.emit(job, "done", end.value)
+        except Cancelled:
+            self._told.emit(job, "cancelled", None)
+        except Exception as error:
+            self._told.emit(job, "failed", error)
+        finally:
+            steps.close()
+
+    def _hear(self, job: Job, what: str, value: Any) -> None:
+        """On the main thread."""
+        if self._jobs.get(job.kind) is not job:
+            return  # it was cancelled meanwhile
+        if what == "progress":
+            self.progressed.emit(value.step, value.share)
+            return
+        if what == "part":
+            job.part(value)
+            return
+        del self._jobs[job.kind]
+        if what == "done":
+            job.done(value)
+        elif what == "failed":
+            job.failed(str(value) if isinstance(value, UsdslfError) else words.internal(value), value)
+        if self.is_idle:
+            self.idle_changed.emit(True)

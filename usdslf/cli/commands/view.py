@@ -1,0 +1,36 @@
+"""usdslf view: the desktop application."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from dataclasses import asdict
+from importlib.util import find_spec
+
+import click
+
+from usdslf.cli.program import Command, Settings, settings
+from usdslf.cli.shot_options import Lighting, lighting_options
+from usdslf.errors import InputError
+
+
+@click.command(cls=Command)
+@click.argument("stage", default="")
+@click.argument("strokes", default="")
+@click.argument("look", default="")
+@lighting_options("Give surfaces without UsdPreviewSurface one, to edit them.")
+@settings
+def view(settings: Settings, stage: str, strokes: str, look: str, shot: Lighting) -> int:
+    """Open a window on the shot: paint, see what was understood, save.
+
+    STROKES and LOOK are where both are kept, new files or such that are there.
+    """
+    if find_spec("PySide6") is None:
+        raise InputError("the viewer needs PySide6; install it with: pip install 'usdslf[viewer]'")
+    asked = {**asdict(shot), "device": settings.device, "ocio": settings.ocio}
+    options: list[str] = []
+    for name, value in asked.items():
+        if value is not None and value is not False:
+            options.append(f"--{name.replace('_', '-')}" + ("" if value is True else f"={value}"))
+    # A process of its own: it chooses its USD library before anything of this one is loaded.
+    return subprocess.run([sys.executable, "-m", "hydra_viewer", *options, "--", stage, strokes, look]).returncode
