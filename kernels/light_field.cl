@@ -252,6 +252,17 @@ __kernel void emit(__global const float *emission, const uint count, __global fl
     store3(load3(emission, i / D_BINS), outgoing, i);
 }
 
+/* what elements emit more, or less, in every bin
+ * change (N, 3); outgoing (N, D, 3): in and out; count = N * D
+ */
+__kernel void emit_more(__global const float *change, const uint count, __global float *outgoing)
+{
+    uint i = get_global_id(0);
+    if (i >= count) return;
+    float3 sum = load3(outgoing, i) + load3(change, i / D_BINS);
+    store3((float3)(sum.x > 0.0f ? sum.x : 0.0f, sum.y > 0.0f ? sum.y : 0.0f, sum.z > 0.0f ? sum.z : 0.0f), outgoing, i);
+}
+
 /* how far two light fields are apart, element by element
  * old, now   (N, D, 3)
  * difference (N, 2): sums of |now - old| and of |now|

@@ -3,15 +3,17 @@
 
 /* rays through places (x, y) of a picture, in pixels from its top left
  * camera (24): eye, axes x y z of the camera, film left, right, bottom, top, focal length (0: orthographic), near, far, width, height
- * at (n, 2), or, without `has_places`, the middles of all pixels */
+ * of the picture; x, y and width of a window
+ * at (n, 2), or, without `has_places`, the middles of the window's pixels */
 __kernel void camera_rays(
     const uint count, __global const float *camera, const int has_places, __global const float *at,
     __global float *origin, __global float *direction, __global float *length_of)
 {
     size_t i = get_global_id(0);
     if (i >= count) return;
-    int width = (int)camera[19];
-    float px = has_places ? at[2 * i] : i % width + 0.5f, py = has_places ? at[2 * i + 1] : i / width + 0.5f;
+    uint width = has_places ? 1u : (uint)camera[23], row = (uint)i / width;
+    float px = has_places ? at[2 * i] : ((uint)i - row * width) + camera[21] + 0.5f;
+    float py = has_places ? at[2 * i + 1] : row + camera[22] + 0.5f;
     float x = camera[12] + px / camera[19] * (camera[13] - camera[12]), y = camera[15] + py / camera[20] * (camera[14] - camera[15]);
     float3 eye = row3(camera, 0), ax = row3(camera, 3), ay = row3(camera, 6), az = row3(camera, 9);
     float focal = camera[16], per_depth = 1.0f;

@@ -3,7 +3,8 @@
  *     guide_rows     what neighbours are compared by
  *     mean_columns   columns of all frames so far, to light (rows, LIGHT): X, Y, A, B, coat
  *     filter_light   along one axis, over neighbours that show the same surface the same way; kernels/filter.cl has the reasons
- *     combine        light and colours to radiance, pixel by pixel
+ *     shade          light and colours to radiance, row by row
+ *     combine        rows to pixels
  *     find_edges     pixels that one sample is not enough for
  *
  * Guides: position, how far neighbours may lie off its plane, normal, class (negative: nothing), mirror direction, alpha.
@@ -85,35 +86,40 @@ __kernel void filter_light(
     }
     uint p = is_grid ? i : pixel[i];
     int x = p % width, y = p / width;
-    float3 n = row3(a, G_NORMAL), at = row3(a, 0), mirror = row3(a, G_MIRROR);
     float alpha = a[G_ALPHA], wide = lesser(LOBE_WIDTH * alpha, WIDEST);
+    float nx = a[G_NORMAL], ny = a[G_NORMAL + 1], nz = a[G_NORMAL + 2], mx = a[G_MIRROR], my = a[G_MIRROR + 1], mz = a[G_MIRROR + 2];
+    float px = a[0], py = a[1], pz = a[2], gap = a[G_GAP], kind = a[G_CLASS], wide2 = wide * wide;
     float16 mine = vload16(0, own + i * LIGHT);
     float keep = within((mine.sf - FILTERED_FRAMES) * (1.0f / (SET - FILTERED_FRAMES)), 0.0f, 1.0f);
     if (keep >= 1.0f) {
         vstore16(mine, 0, out);
         return;
     }
-    float16 sum = (float16)(0.0f), sharp = (float16)(0.0f);
+    float16 sum = (float16)(0.0f);
     float matte = 0.0f, specular = 0.0f;
-    for (int k = -window / 2; k < window - window / 2; k++) {
-        int u = x + k * step_x, v = y + k * step_y;
-        if (u < 0 || v < 0 || u >= width || v >= height) continue;
-        size_t q = (size_t)v * width + u;
+    int along = step_x ? x : y, end = step_x ? width : height, before = window / 2, after = window - window / 2;
+    int low = larger(-before, -along), high = lesser(after, end - along);
+    size_t stride = step_x ? 1 : width, q = (size_t)p + low * (long)stride;
+    for (int k = low; k < high; k++, q += stride) {
         __global const float *b = grid_guide + q * GUIDE;
-        int is_same = is_grid && k == 0;
-        if (b[G_CLASS] != a[G_CLASS] || (!is_same && inner(row3(b, G_NORMAL), n) < NORMAL_COSINE)) continue;
-        if (fabs(inner(row3(b, 0) - at, n)) > a[G_GAP]) continue;
-        float16 l = vload16(0, light + q * LIGHT);
-        sum += l;
-        matte += 1.0f;
-        float3 off = row3(b, G_MIRROR) - mirror;
-        if (!is_same && (inner(off, off) > wide * wide || fabs(b[G_ALPHA] - alpha) > 0.15f * alpha)) continue;
-        sharp += l;
-        specular += 1.0f;
+        if (b[G_CLASS] != kind) continue;
+        int is_same = is_grid & (k == 0);
+        /* products of truths, not branches: neighbours are alike or not by chance */
+        float off = fabs((b[0] - px) * nx + (b[1] - py) * ny + (b[2] - pz) * nz);
+        float turned = b[G_NORMAL] * nx + b[G_NORMAL + 1] * ny + b[G_NORMAL + 2] * nz;
+        float m = (is_same | (turned >= NORMAL_COSINE)) & (off <= gap) ? 1.0f : 0.0f;
+        float dx = b[G_MIRROR] - mx, dy = b[G_MIRROR + 1] - my, dz = b[G_MIRROR + 2] - mz;
+        float is_near = is_same | ((dx * dx + dy * dy + dz * dz <= wide2) & (fabs(b[G_ALPHA] - alpha) <= 0.15f * alpha)) ? m : 0.0f;
+        float16 weight = (float16)((float4)(m), m, m, is_near, is_near, (float8)(is_near));
+        sum += weight * vload16(0, light + q * LIGHT);
+        matte += m;
+        specular += is_near;
     }
-    sum = matte > 0.0f ? sum / matte : mine;
-    sharp = specular > 0.0f ? sharp / specular : mine;
-    float16 mean = (float16)(sum.s0123, sum.s45, sharp.s67, sharp.s89ab, sharp.scde, mine.sf);
+    float of_matte = matte > 0.0f ? 1.0f / matte : 0.0f, of_specular = specular > 0.0f ? 1.0f / specular : 0.0f;
+    float16 mean = sum * (float16)((float4)(of_matte), of_matte, of_matte, of_specular, of_specular, (float8)(of_specular));
+    if (!(matte > 0.0f)) { mean.s0123 = mine.s0123; mean.s45 = mine.s45; }
+    if (!(specular > 0.0f)) { mean.s67 = mine.s67; mean.s89ab = mine.s89ab; mean.scd = mine.scd; mean.se = mine.se; }
+    mean.sf = mine.sf;
     if (to_own) mean += keep * (mine - mean);
     vstore16(mean, 0, out);
 }
@@ -125,22 +131,29 @@ inline float3 radiance_of(__global const float *s, __global const float *l)
            + row3(s, EMISSION);
 }
 
+/* what some rows send towards the eye: radiance (rows, 3) result */
+__kernel void shade(
+    const uint count, __global const uint *rows, __global const float *surfaces, __global const float *light,
+    __global float *radiance)
+{
+    size_t at = get_global_id(0);
+    if (at >= count) return;
+    size_t i = rows[at];
+    store3(radiance_of(surfaces + i * SURFACE, light + i * LIGHT), radiance, i);
+}
+
 /* backdrop (pixels, 3): lights and domes in view; share: of its pixel that each row is; first_more (pixels + 1) of the rows behind
  * the grid's own, `more_*` */
 __kernel void combine(
-    const uint count, __global const float *surfaces, __global const float *light, __global const float *share,
-    __global const float *backdrop, const int has_more, __global const uint *first_more, __global const float *more_surfaces,
-    __global const float *more_light, __global const float *more_share, __global float *picture)
+    const uint count, __global const float *radiance, __global const float *share, __global const float *backdrop,
+    const int has_more, __global const uint *first_more, __global const float *more_radiance, __global const float *more_share,
+    __global float *picture)
 {
     size_t p = get_global_id(0);
     if (p >= count) return;
-    float3 sum = load3(backdrop, p);
-    __global const float *s = surfaces + p * SURFACE;
-    if (s[MATERIAL] >= 0.0f) sum += share[p] * radiance_of(s, light + p * LIGHT);
+    float3 sum = load3(backdrop, p) + share[p] * load3(radiance, p);
     uint last = has_more ? first_more[p + 1] : 0;
-    for (uint k = has_more ? first_more[p] : 0; k < last; k++)
-        if (more_surfaces[k * SURFACE + MATERIAL] >= 0.0f)
-            sum += more_share[k] * radiance_of(more_surfaces + k * SURFACE, more_light + k * LIGHT);
+    for (uint k = has_more ? first_more[p] : 0; k < last; k++) sum += more_share[k] * load3(more_radiance, k);
     store3(sum, picture, p);
 }
 
@@ -161,6 +174,20 @@ __kernel void find_edges(const uint count, const int width, const int height, __
                  || fabs(inner(row3(b, 0) - row3(a, 0), row3(a, G_NORMAL))) > 3.0f * a[G_GAP];
     }
     edge[p] = found;
+}
+
+/* columns and moments of some rows to `kept` (count, KEPT), or back */
+__kernel void move_rows(
+    const uint count, const int is_back, __global const uint *rows, __global float *columns, __global float *moments,
+    __global float *kept)
+{
+    size_t at = get_global_id(0);
+    if (at >= count) return;
+    __global float *c = columns + rows[at] * (size_t)COLUMNS, *m = moments + rows[at] * (size_t)2, *k = kept + at * KEPT;
+    for (int j = 0; j < COLUMNS; j++)
+        if (is_back) c[j] = k[j]; else k[j] = c[j];
+    for (int j = 0; j < 2; j++)
+        if (is_back) m[j] = k[COLUMNS + j]; else k[COLUMNS + j] = m[j];
 }
 
 /* starts some rows anew */

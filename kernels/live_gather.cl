@@ -25,6 +25,7 @@ inline float4 shifted(float4 u, float4 shift)
 /* rays and weights of rows (count)
  * numbers   (streams + 2, SET) float4 of [0, 1)
  * place     (rows) of each in its tile, which shares SET numbers
+ * identity  (rows) numbers that tell rows of a picture apart
  * turn      of the frame: which number of the set each place takes
  * is_shared whether all tiles take the same numbers: then the mean over any tile is that of a set, and what it is wrong by is alike
  *           everywhere; else each row shifts them by numbers of its own, and what is wrong is noise
@@ -35,16 +36,16 @@ inline float4 shifted(float4 u, float4 shift)
  * drawn_ray (2, count, DRAWN_RAY): densities, weights over density
  */
 __kernel void draw_first(
-    const uint count, __global const uint *rows, const uint first, const uint turn, const uint round, const int is_shared,
+    const uint count, __global const uint *rows, const uint turn, const uint round, const int is_shared,
     const int sends_diffuse,
-    __global const float *surfaces, __global const uchar *place, __global const float4 *numbers, SCENE_PARAMETERS,
-    __global const float *guides, __global const float *frames, const float guided,
+    __global const float *surfaces, __global const uchar *place, __global const uint *identity, __global const float4 *numbers,
+    SCENE_PARAMETERS, __global const float *guides, __global const float *frames, const float guided,
     __global float *shadow_origin, __global float *shadow_direction, __global float *shadow_length, __global float *shone,
     __global float *ray_origin, __global float *ray_direction, __global float *ray_length, __global float *drawn_ray)
 {
     size_t i = get_global_id(0);
     if (i >= count) return;
-    size_t row = rows[first + i];
+    size_t row = rows[i];
     __global const float *surface = surfaces + row * SURFACE;
     if (surface[MATERIAL] < 0.0f) {
         for (int s = 0; s < streams; s++) shadow_length[s * count + i] = 0.0f;
@@ -53,7 +54,7 @@ __kernel void draw_first(
     }
     Lobe lobe = lobe_of(surface);
     float3 p = row3(surface, POSITION), start = start_of(surface), geometric = row3(surface, GEOMETRIC);
-    uint at = place[row] ^ turn, own = (uint)row * 2654435761u + 12345u, drawn_at = round * SET + at;
+    uint at = place[row] ^ turn, own = identity[row] * 2654435761u + 12345u, drawn_at = round * SET + at;
     float4 shift = (float4)(0.0f);
     if (!is_shared) {
         random(&own);
@@ -146,12 +147,13 @@ __kernel void draw_first(
 
 /* ── what arrives there ── */
 
-/* rays of the first surfaces: arrived (n, 8) of lights, of surfaces, and whether each is followed */
+/* rays of the first surfaces, of row_count rows, once or twice: arrived (n, 8) of lights, of surfaces, and whether each is followed */
 __kernel void arrive_first(
     const uint count, const int may_follow, SCENE_PARAMETERS, FIELD_PARAMETERS,
     __global const float *ray_origin, __global const float *ray_direction, __global const float *ray_length,
     __global const int *triangle, __global const float *u_of, __global const float *v_of, __global const float *distance,
-    __global const float *drawn_ray, __global float *arrived, __global float *state, __global uchar *followed)
+    __global const float *drawn_ray, const uint row_count, __global const uint *rows, __global const uint *identity,
+    __global float *arrived, __global float *state, __global uchar *followed)
 {
     size_t i = get_global_id(0);
     if (i >= count) return;
@@ -172,6 +174,7 @@ __kernel void arrive_first(
             s[0] = s[1] = s[2] = 1.0f;
             s[3] = lobe_pdf;
             s[4] = as_float((uint)i);
+            s[10] = as_float(2u * identity[rows[i % row_count]] + (uint)(i >= row_count));
         }
     }
     put3(lit, out, 0);
@@ -199,7 +202,7 @@ __kernel void gather_paths(
 }
 
 /* state (PATH): throughput, least density so far, number of the first ray; then of the ray onwards its density and whether it
- * was folded up, and what the sampled source brings where it is seen */
+ * was folded up, what the sampled source brings where it is seen, and a number of the first ray's own */
 __kernel void scatter(
     const uint count, const uint seed, __global const float *surfaces, SCENE_PARAMETERS, __global float *state,
     __global float *shadow_origin, __global float *shadow_direction, __global float *shadow_length,
@@ -211,7 +214,7 @@ __kernel void scatter(
     __global float *s = state + i * PATH;
     Lobe lobe = lobe_of(surface);
     float3 p = row3(surface, POSITION), start = start_of(surface), geometric = row3(surface, GEOMETRIC);
-    uint random_state = as_uint(s[4]) * 9781u + seed;
+    uint random_state = as_uint(s[10]) * 9781u + seed;
     random(&random_state);
     float cover = surface[COVER], opacity = fabs(cover);
     /* a ray is stopped here with the probability `opacity`; what is reflected is not scaled by that */
@@ -320,14 +323,14 @@ __kernel void arrive_on_path(
  * (rows, 2) the luminance that the rows send and its square
  * arriving (N): mean light at the elements, RAY_MOST of which a ray of a wide lobe may bring */
 __kernel void add_frame(
-    const uint count, __global const uint *rows, const uint first, const int streams, const int sends_diffuse,
+    const uint count, __global const uint *rows, const int streams, const int sends_diffuse,
     __global const float *surfaces, __global const float *shadow_length,
     __global const uchar *blocked, __global const float *shone, __global const float *ray_length, __global const float *drawn_ray,
     __global const float *arrived, __global const float *arriving, __global float *columns, __global float *moments)
 {
     size_t i = get_global_id(0);
     if (i >= count) return;
-    size_t row = rows[first + i];
+    size_t row = rows[i];
     __global const float *surface = surfaces + row * SURFACE;
     if (surface[MATERIAL] < 0.0f) return;
     float3 direct[WEIGHTS], soft[2];

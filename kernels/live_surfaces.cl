@@ -31,6 +31,49 @@ inline float3 mapped_normal(__global const float *ref, float3 x, __global const 
     return unit_or(x.x * tangent + x.y * bitangent + x.z * n, n);
 }
 
+/* what a surface reflects, by the workflow of its material, from its inputs */
+typedef struct {
+    float3 d, f0, f90, emission;
+    float coat, coat_f0, cover; /* cover as of COVER */
+} Colors;
+
+inline Colors colors_of(const float *in, __global const float *material)
+{
+    Colors o;
+    float3 base = larger((float3)(in[IN_DIFFUSE], in[IN_DIFFUSE + 1], in[IN_DIFFUSE + 2]), 0.0f);
+    float metallic = within(in[IN_METALLIC], 0.0f, 1.0f), ior = larger(in[IN_IOR], 1e-3f);
+    float r = (1.0f - ior) / (1.0f + ior), r2 = r * r;
+    float3 s = 1.0f + (base - 1.0f) * metallic;
+    int is_specular = material[MAT_WORKFLOW] > 0.0f;
+    o.d = is_specular ? base : base * (1.0f - metallic);
+    o.f0 = is_specular ? within((float3)(in[IN_SPECULAR], in[IN_SPECULAR + 1], in[IN_SPECULAR + 2]), 0.0f, 1.0f)
+                       : r2 * s + (s - r2 * s) * metallic;
+    o.f90 = is_specular ? (float3)(1.0f) : s;
+    float threshold = material[MAT_THRESHOLD];
+    float opacity = threshold > 0.0f ? (in[IN_OPACITY] >= threshold ? 1.0f : 0.0f) : within(in[IN_OPACITY], 0.0f, 1.0f);
+    int scales_all = threshold > 0.0f || material[MAT_PRESENCE] > 0.0f;
+    if (!scales_all) o.d *= opacity;
+    o.coat = within(in[IN_COAT], 0.0f, 1.0f);
+    o.coat_f0 = r2;
+    o.cover = scales_all ? -opacity : opacity;
+    o.emission = larger((float3)(in[IN_EMISSION], in[IN_EMISSION + 1], in[IN_EMISSION + 2]), 0.0f);
+#if !HAS_FRESNEL
+    o.d = lesser(o.d, 1.0f);
+    o.f0 = lesser(o.f0, 1.0f - o.d);
+    o.f90 = 0.0f;
+    o.coat = 0.0f;
+#endif
+    return o;
+}
+
+inline void put_colors(Colors c, __global float *out)
+{
+    put3(c.d, out, DIFFUSE);
+    put3(c.f0, out, F_ZERO);
+    put3(c.f90, out, F_NINETY);
+    put3(c.emission, out, EMISSION);
+}
+
 /* surfaces of hits, in place of rows (count)
  * triangle, u, v   (n) of hits; -1: none, whose MATERIAL is -1
  * direction        (n, 3) of travel, unit
@@ -78,27 +121,7 @@ __kernel void surfaces_at_hits(
         normal = mapped_normal(refs + bump * REF, x.xyz, uvs, triangles, corners, t, normal);
     }
 
-    /* reflectance by the workflow */
-    float3 base = larger((float3)(in[IN_DIFFUSE], in[IN_DIFFUSE + 1], in[IN_DIFFUSE + 2]), 0.0f);
-    float metallic = within(in[IN_METALLIC], 0.0f, 1.0f), ior = larger(in[IN_IOR], 1e-3f);
-    float r = (1.0f - ior) / (1.0f + ior), r2 = r * r;
-    float3 s = 1.0f + (base - 1.0f) * metallic;
-    int is_specular = material[MAT_WORKFLOW] > 0.0f;
-    float3 d = is_specular ? base : base * (1.0f - metallic);
-    float3 f0 = is_specular ? within((float3)(in[IN_SPECULAR], in[IN_SPECULAR + 1], in[IN_SPECULAR + 2]), 0.0f, 1.0f)
-                            : r2 * s + (s - r2 * s) * metallic;
-    float3 f90 = is_specular ? (float3)(1.0f) : s;
-    float threshold = material[MAT_THRESHOLD];
-    float opacity = threshold > 0.0f ? (in[IN_OPACITY] >= threshold ? 1.0f : 0.0f) : within(in[IN_OPACITY], 0.0f, 1.0f);
-    int scales_all = threshold > 0.0f || material[MAT_PRESENCE] > 0.0f;
-    if (!scales_all) d *= opacity;
-    float coat = within(in[IN_COAT], 0.0f, 1.0f);
-#if !HAS_FRESNEL
-    d = lesser(d, 1.0f);
-    f0 = lesser(f0, 1.0f - d);
-    f90 = 0.0f;
-    coat = 0.0f;
-#endif
+    Colors colors = colors_of(in, material);
     float roughness = within(in[IN_ROUGHNESS], 0.001f, 1.0f);
     float coat_roughness = within(in[IN_COAT_ROUGHNESS], 0.001f, 1.0f);
     roughness = larger(roughness, least_roughness[i]);
@@ -117,18 +140,31 @@ __kernel void surfaces_at_hits(
     put3(normal, out, NORMAL);
     put3(geometric, out, GEOMETRIC);
     put3(view, out, VIEW);
-    put3(d, out, DIFFUSE);
-    put3(f0, out, F_ZERO);
-    put3(f90, out, F_NINETY);
-    put3(larger((float3)(in[IN_EMISSION], in[IN_EMISSION + 1], in[IN_EMISSION + 2]), 0.0f), out, EMISSION);
+    put_colors(colors, out);
     out[ALPHA] = larger(roughness * roughness, MIN_ALPHA);
     out[COAT_ALPHA] = larger(coat_roughness * coat_roughness, MIN_ALPHA);
-    out[COAT] = coat;
-    out[COAT_F_ZERO] = r2;
+    out[COAT] = colors.coat;
+    out[COAT_F_ZERO] = colors.coat_f0;
     out[LIFT] = OFFSET * larger(extent[t], largest(fabs(position)));
     out[MATERIAL] = (float)m;
     out[ELEMENT] = element == NO_ENTRY ? -1.0f : (float)element;
-    out[COVER] = scales_all ? -opacity : opacity;
+    out[COVER] = colors.cover;
+}
+
+/* colours alone of surfaces that have another one; arguments as above */
+__kernel void recolor(
+    const uint count, __global const uint *rows, __global const int *triangle, __global const float *u_of,
+    __global const float *v_of, const uint triangles, __global const int *material_of, __global const float *materials,
+    __global const float *refs, __global const int *images, __global const float4 *texels, __global const float *uvs,
+    __global float *surface)
+{
+    size_t at = get_global_id(0);
+    if (at >= count) return;
+    size_t i = rows[at], t = triangle[i];
+    __global const float *material = materials + material_of[t] * MAT;
+    float in[INPUTS];
+    inputs_at(material, refs, images, texels, uvs, triangles, t, u_of[i], v_of[i], in);
+    put_colors(colors_of(in, material), surface + i * SURFACE);
 }
 
 /* diffuse light from the light field, by the elements about each row

@@ -180,7 +180,7 @@ def render_shot(
 
 def live_picture(
     shot: Shot, camera: Camera | str | None = None, look: Look | PathLike | None = None,
-    size: tuple[int, int] = (640, 360), hide_lights: bool = False,
+    size: tuple[int, int] = (640, 360), hide_lights: bool = False, region: tuple[int, int, int, int] | None = None,
 ) -> LivePicture:  # fmt: skip
     """Begins a picture of a shot that comes at once and gets better, for who looks at it and changes things.
 
@@ -190,17 +190,18 @@ def live_picture(
         look: None: as the shot is.
         size: width and height [pixels].
         hide_lights: lights and domes are not seen by the camera.
+        region: left, top, right, bottom [pixels], of which the picture is; None: the whole.
 
-    Returns: a LivePicture; it makes others of another camera, another size, or after an edit.
+    Returns: a LivePicture; it makes others of another camera, another size or part, or after an edit.
 
-    Raises: StageError for an unknown camera, InputError for a look that cannot be read or a size.
+    Raises: StageError for an unknown camera, InputError for a look that cannot be read, a size or a region.
     """
     if look is not None:
         shot = shot.edited(look.path if isinstance(look, Look) else look)
     view = camera if isinstance(camera, Camera) else shot.camera(camera)
     lit, lights = LitScene(shot.scene, shot.tracer, shot.light_field, shot.lights, shot.device), shot.light_set
     with step("render", shot.seconds):
-        return tell_during(lambda: LivePicture.of(lit, lights, view, size, hide_lights))
+        return tell_during(lambda: LivePicture.of(lit, lights, view, size, hide_lights, region))
 
 
 def _say(said: list[str], *sentences: str) -> None:

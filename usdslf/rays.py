@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from copy import copy
 from dataclasses import dataclass
 from typing import Any
 from weakref import finalize
@@ -64,6 +65,7 @@ class RayTracer:
             threads: None: as many as there are processors.
         """
         self.scene = scene
+        self._whose: RayTracer | None = None
         self.threads = threads or thread_count()
         triangles = scene.triangles
         corners = np.ascontiguousarray(triangles.positions, np.float32)
@@ -81,10 +83,20 @@ class RayTracer:
         self._pool = ThreadPoolExecutor(self.threads, thread_name_prefix="usdslf-rays")
         finalize(self, self._pool.shutdown, wait=False)
 
+        self._opacity = opacity  # None: the materials'; a method here would keep the tracer until garbage is collected
+        self._set_materials(scene)
+
+    def _set_materials(self, scene: Scene) -> None:
         clear = np.fromiter((not m.is_opaque for m in scene.materials), bool)
         self._threshold = np.array([m.opacity_threshold for m in scene.materials], np.float32)
-        self._clear = clear[triangles.material] if np.any(clear) else None
-        self._opacity = opacity  # None: the materials'; a method here would keep the tracer until garbage is collected
+        self._clear = clear[scene.triangles.material] if np.any(clear) else None
+
+    def under(self, scene: Scene) -> RayTracer:
+        """Returns a tracer of the same triangles under other materials; the tree is shared."""
+        other = copy(self)
+        other.scene, other._whose = scene, self  # whose threads and tree they are
+        other._set_materials(scene)
+        return other
 
     def intersect(self, origins: NDArray, directions: NDArray, stop_at_translucent: bool = False) -> Hits:
         """Finds the first surface along each ray.

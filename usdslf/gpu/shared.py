@@ -1,13 +1,15 @@
 """Arrays that host and device work on in turns: rays are traced on the host, all else is done in kernels.
 
-Where the device works in the host's memory nothing is copied; elsewhere `push` and `pull` copy.
+Where the device works in the host's memory nothing is copied; elsewhere `push` and `pull` copy.  Memory that nobody
+holds any more is used again: fresh pages cost more than most kernels that fill them.
 """
 
 from __future__ import annotations
 
 import mmap
+from collections import deque
 from typing import Any
-from weakref import finalize
+from weakref import WeakKeyDictionary, finalize
 
 import numpy as np
 import pyopencl as cl
@@ -15,30 +17,51 @@ from numpy.typing import DTypeLike, NDArray
 
 from usdslf.gpu.device import Device
 
+SPARE_BYTES = 1 << 30  # kept for arrays to come, at most
+STEPS = 8  # sizes between one power of two and the next that memory is given in
+
+_Piece = tuple[int, mmap.mmap, Any]
+"""Bytes, the host's memory, the device's buffer."""
+
 
 class Shared:
     """An array in the host's memory, `host`, and its twin on the device, `buffer`: the same memory where it can be."""
 
-    def __init__(self, device: Device, shape: tuple[int, ...], dtype: DTypeLike) -> None:
-        """Makes an array of zeros.
+    def __init__(self, device: Device, shape: tuple[int, ...], dtype: DTypeLike, is_clean: bool = True) -> None:
+        """Makes an array.
 
         Args:
             shape: of any size above 0.
+            is_clean: of zeros; else of anything.
         """
         count = int(np.prod(shape))
         size = max(count * np.dtype(dtype).itemsize, 1)
-        # whole pages, aligned to one: what a device needs to take the memory as it is
-        self._memory = mmap.mmap(-1, -(-size // mmap.PAGESIZE) * mmap.PAGESIZE)
-        self.host: NDArray[Any] = np.frombuffer(self._memory, dtype, count).reshape(shape)
         self._queue = device.queue
         self._is_same = device.has_host_memory
-        flags = cl.mem_flags.READ_WRITE
-        if self._is_same:
-            self.buffer = cl.Buffer(device.context, flags | cl.mem_flags.USE_HOST_PTR, hostbuf=self.host)
-        else:
-            self.buffer = cl.Buffer(device.context, flags | cl.mem_flags.COPY_HOST_PTR, hostbuf=self.host)
-        # kernels that were enqueued may still work in the memory when nobody holds it any more
-        finalize(self, _wait, device.queue, self._memory).atexit = False
+        spare = _spare_of(device)
+        room = _room_of(size)
+        piece = next((p for p in tuple(spare) if p[0] == room), None)
+        try:
+            if piece is not None:
+                spare.remove(piece)
+        except ValueError:  # another thread has taken it
+            piece = None
+        is_new = piece is None
+        size_of_piece, memory, self.buffer = piece or self._made(device, room)
+        pages: NDArray[Any] = np.frombuffer(memory, np.uint8)
+        self.host: NDArray[Any] = pages[: count * np.dtype(dtype).itemsize].view(dtype).reshape(shape)
+        # when nobody holds the array or a part of it any more; kernels that were enqueued may still work in it
+        finalize(pages, _give_back, device.queue, spare, (size_of_piece, memory, self.buffer)).atexit = False
+        if is_clean and not is_new:
+            self.host[...] = 0
+            self.push()
+
+    def _made(self, device: Device, size: int) -> _Piece:
+        """Pages of zeros, aligned to one: what a device needs to take the memory as it is."""
+        memory = mmap.mmap(-1, size)
+        how = cl.mem_flags.USE_HOST_PTR if self._is_same else cl.mem_flags.COPY_HOST_PTR
+        host = np.frombuffer(memory, np.uint8)
+        return size, memory, cl.Buffer(device.context, cl.mem_flags.READ_WRITE | how, hostbuf=host)
 
     def push(self) -> None:
         """Gives what the host wrote to the device."""
@@ -53,7 +76,25 @@ class Shared:
             cl.enqueue_copy(self._queue, self.host, self.buffer)
 
 
-def _wait(queue: Any, memory: mmap.mmap) -> None:
-    """Keeps memory until all that was enqueued is done."""
+_SPARE: WeakKeyDictionary[Device, deque[_Piece]] = WeakKeyDictionary()
+
+
+def _spare_of(device: Device) -> deque[_Piece]:
+    return _SPARE.setdefault(device, deque())
+
+
+def _room_of(size: int) -> int:
+    """Bytes that are given for so many: whole pages, of a few sizes, so that memory fits again."""
+    step = max(1 << max(size.bit_length() - 1 - STEPS.bit_length() + 1, 0), mmap.PAGESIZE)
+    return -(-size // step) * step
+
+
+def _give_back(queue: Any, spare: deque[_Piece], piece: _Piece) -> None:
+    """Keeps memory for another array, after all that was enqueued is done."""
     queue.finish()
-    del memory
+    spare.append(piece)
+    while sum(p[0] for p in tuple(spare)) > SPARE_BYTES:
+        try:
+            spare.popleft()
+        except IndexError:
+            return

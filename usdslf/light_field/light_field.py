@@ -143,6 +143,16 @@ class LightField:
             other.set_surface(surface)
         return other
 
+    def with_emission(self, emission: NDArray) -> LightField:
+        """Returns a light field whose elements emit something else (N, 3), and reflect what they do now."""
+        other = self.with_surface(replace(self.surface, emission=emission))
+        n = len(self.elements)
+        change_d = self.device.upload(np.asarray(emission - self.surface.emission, np.float32))
+        self.device.kernel("light_field", "emit_more", LOBE=0)(
+            (_up(n * D),), (64,), change_d, np.uint32(n * D), other.outgoing_d
+        )
+        return other
+
     def set_radiance(self, radiance: NDArray) -> None:
         """Takes an outgoing radiance (N, D, 3) that was found before, where it is another than that of now."""
         self.outgoing_d = self.device.upload(np.ascontiguousarray(radiance, np.float32))

@@ -8,6 +8,7 @@ Lights do not hide what is behind them, except from the camera.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from copy import copy
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -242,11 +243,20 @@ class LightSet:
         lit = [light for light in lights if max(light.radiance) > 0]
         self.placed = [LightSource(light) for light in lit if light.kind != "dome"]
         self.domes = [DomeSource(light) for light in lit if light.kind == "dome"]
+        self.dome_range = range(len(self.placed), len(self.placed) + len(self.domes))  # of `sources`
+        self._set_emissive(scene)
+
+    def _set_emissive(self, scene: Scene) -> None:
         self.emissive = EmissiveSurfaces(scene, SurfaceEmission(scene))
         self.sources: list[Source] = [*self.placed, *self.domes]
-        self.dome_range = range(len(self.placed), len(self.placed) + len(self.domes))  # of `sources`
         if len(self.emissive.triangle):
             self.sources.append(self.emissive)
+
+    def under(self, scene: Scene) -> LightSet:
+        """Returns the same lights, with what the surfaces of another scene emit."""
+        other = copy(self)
+        other._set_emissive(scene)
+        return other
 
     def background(self, directions: F32, solid_angle: float | None = None) -> F32:
         """Returns the radiance (n, 3) of all domes in directions where rays escape."""

@@ -20,6 +20,7 @@ import usdslf.render.live.picture as picture_module
 from usdslf.errors import InputError
 from usdslf.gpu.device import Device, Kernel
 from usdslf.progress import Cancelled, hearing
+from usdslf.rays import RayTracer
 from usdslf.render.picture import LitScene, PictureOptions, render
 from usdslf.scene.records import Light, Material, Texture, constant
 from usdslf.textures.images import write_image
@@ -174,9 +175,22 @@ def test_an_edit_shows_what_a_picture_of_the_edited_scene_does(table: LitScene, 
     np.testing.assert_array_equal(picture.now().picture, before)  # which does not change
 
 
-def test_what_is_seen_through_is_not_edited(table: LitScene) -> None:
-    with pytest.raises(InputError, match="begin another one"):
-        live(table, CAMERA).with_materials(changed(table, 0, opacity=constant(0.5)))
+@pytest.mark.parametrize("inputs", [
+    {"opacity": constant(0.4), "opacity_mode": "presence"},
+    {"emissive_color": constant(3.0, 1.5, 0.5)},
+])  # fmt: skip
+def test_an_edit_of_what_is_seen_through_or_shines_begins_anew(table: LitScene, inputs: dict[str, Any]) -> None:
+    """And shows what a final picture of the edited scene does, whose surfaces send the light that they sent."""
+    edited = live(table, CAMERA).with_materials(changed(table, 1, **inputs))
+    assert edited.is_begun_anew
+    shown = after(edited, 64)
+    scene = replace(table.scene, materials=changed(table, 1, **inputs))
+    field = edited.scene.light.field
+    lit = replace(table, scene=scene, tracer=RayTracer(scene), light_field=field)
+    final = render(lit, CAMERA, SIZE, options=PictureOptions(samples=64, elements=400))["color"]
+    assert relative_error(shown, final) < 0.03
+    back = edited.with_materials(table.scene.materials)
+    assert relative_error(after(back, 16), after(live(table, CAMERA), 16)) < 1e-3
 
 
 def test_a_change_of_colour_gathers_nothing(table: LitScene, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -199,9 +213,12 @@ def test_a_change_of_roughness_gathers_the_rows_of_its_material_alone(table: Lit
     edited = picture.with_materials(changed(table, 1, roughness=constant(0.6)))
     ball = picture.seen()["material"] == 1
     assert edited.now().number == 0 and picture.now().number == 2
-    counts = [(len(g.rows.host), g.frames) for g in edited._gathered.groups if g.part == 0]
-    assert sorted(counts) == sorted([(int(ball.sum()), 0), (int((~ball).sum()), 2)])
+    counts = {m: [(len(g.rows), g.frames) for g in s.groups if not g.part] for m, s in edited._shares.items()}
+    assert counts[1] == [(int(ball.sum()), 0)]
+    assert {g[0][1] for m, g in counts.items() if m != 1} == {2}
+    before = picture.now().picture
     after(edited, 2)
+    np.testing.assert_array_equal(picture.now().picture, before)  # whose columns were kept aside
 
 
 def test_textures_on_the_device_show_as_those_on_the_host(
@@ -252,6 +269,35 @@ def test_a_frame_that_is_cancelled_goes_on_where_it_was(table: LitScene, monkeyp
                 broken.now()  # is there at any time
     assert told > 15
     np.testing.assert_allclose(broken.now().picture, expected, rtol=1e-5, atol=1e-7)
+
+
+REGION = (17, 9, 37, 22)
+
+
+@pytest.mark.parametrize("frames", [1, 3])
+def test_a_part_shows_the_pixels_of_the_whole(table: LitScene, frames: int) -> None:
+    """Bit by bit: edges, rays that are followed and the filter at its border included."""
+    left, top, right, bottom = REGION
+    whole = after(live(table, CAMERA), frames)
+    part = live(table, CAMERA, region=REGION)
+    np.testing.assert_array_equal(after(part, frames), whole[top:bottom, left:right])
+    assert part.seen()["material"].shape == (bottom - top, right - left)
+
+
+def test_what_is_visible_comes_first(table: LitScene) -> None:
+    left, top, right, bottom = REGION
+    whole, picture = live(table, CAMERA), live(table, CAMERA)
+    expected = after(whole, 3)
+    *_, last = picture.frames(3, REGION)
+    assert last.number == 3 and picture.now().number == 0
+    np.testing.assert_array_equal(last.picture[top:bottom, left:right], expected[top:bottom, left:right])
+    np.testing.assert_array_equal(after(picture, 3), expected)
+
+
+@pytest.mark.parametrize("region", [(0, 0, 49, 32), (5, 5, 5, 9), (-1, 0, 4, 4)])
+def test_a_region_outside_the_picture_is_refused(table: LitScene, region: tuple[int, int, int, int]) -> None:
+    with pytest.raises(InputError, match="give left, top, right, bottom"):
+        live(table, CAMERA, region=region)
 
 
 def test_pictures_do_not_depend_on_the_size_of_work_groups(table: LitScene, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -47,13 +47,28 @@ class _Layer:
 
 
 def look_closer(scene: LiveScene, view: View, hide_lights: bool = False) -> None:
-    """Adds the further rows to a view."""
-    g, n = scene.geometry, view.size[0] * view.size[1]
+    """Adds the further rows to a view; where it is cancelled, the view is as it was."""
+    view.backdrop.pull()
+    share, backdrop = view.grid.share.host.copy(), view.backdrop.host.copy()
+    try:
+        _look_closer(scene, view, hide_lights)
+    except BaseException:
+        view.grid.share.host[:], view.backdrop.host[:] = share, backdrop
+        raise
+    finally:
+        view.grid.share.push()
+        view.backdrop.push()
+    view.is_close = True
+
+
+def _look_closer(scene: LiveScene, view: View, hide_lights: bool) -> None:
+    g, n = scene.geometry, view.window.count
     edge = Shared(g.device, (n,), np.uint8)
     g.kernel("live_combine", "find_edges")(
-        groups(n), (GROUP,), np.uint32(n), np.int32(view.size[0]), np.int32(view.size[1]), view.grid.guide, edge
-    )
-    for a in (edge, view.grid.surface, view.backdrop):
+        groups(n), (GROUP,), np.uint32(n), np.int32(view.window.width), np.int32(view.window.height), view.grid.guide,
+        edge,
+    )  # fmt: skip
+    for a in (edge, view.grid.surface):
         a.pull()
     found = _Found()
     grid = _Layer(view.grid.hits, view.grid.surface, np.arange(n), np.ones(n, np.float32))
@@ -61,11 +76,8 @@ def look_closer(scene: LiveScene, view: View, hide_lights: bool = False) -> None
     at = np.flatnonzero(edge.host)
     if len(at):
         _look_at_edges(scene, view, at, found, hide_lights)
-    view.grid.share.push()
-    view.backdrop.push()
     if found.pixel:
         _add(scene, view, found)
-    view.is_close = True
 
 
 def _look_behind(scene: LiveScene, view: View, layer: _Layer, found: _Found, hide_lights: bool) -> F32:
@@ -131,16 +143,16 @@ def counting(device: Device, count: int) -> Shared:
 
 def _look_at_edges(scene: LiveScene, view: View, at: NDArray, found: _Found, hide_lights: bool) -> None:
     """Looks at more places of some pixels (m,)."""
-    g, width, k = scene.geometry, view.size[0], len(PLACES)
+    g, k = scene.geometry, len(PLACES)
     share, pixel, m = np.float32(1 / (k + 1)), np.repeat(at, k), k * len(at)
     view.grid.share.host[at] *= share
     view.backdrop.host[at] *= share
-    is_edge = np.zeros(width * view.size[1], bool)
+    is_edge = np.zeros(view.window.count, bool)
     is_edge[at] = True
     for shares, pixels in zip(found.share, found.pixel):
         shares[is_edge[pixels]] *= share
     places = Shared(g.device, (m, 2), np.float32)
-    places.host[:] = np.stack([pixel % width, pixel // width], -1) + np.tile(PLACES, (len(at), 1))
+    places.host[:] = np.stack(view.window.places(pixel), -1) + np.tile(PLACES, (len(at), 1))
     places.push()
     hits = Hits(g.device, m)
     send_rays(scene, view.camera, view.size, hits, m, places)
@@ -167,12 +179,10 @@ def _add(scene: LiveScene, view: View, found: _Found) -> None:
     for room, values in zip(rooms, zip(*found.hits)):
         room.host[:] = np.concatenate(values)[order]
         room.push()
-    rows = Rows(device, hits, pixel, np.concatenate(found.share)[order], view.size[0])
-    # rows of one pixel take different numbers
-    rows.place.host[:] ^= (np.arange(len(pixel)) * 21 % r.SET).astype(np.uint8)
-    rows.place.push()
+    nth = np.arange(len(pixel)) - np.searchsorted(pixel, pixel) + 1
+    rows = Rows(scene, hits, pixel, nth, np.concatenate(found.share)[order], view.window, view.size[0])
     fill_rows(scene, view, rows)
-    first = Shared(device, (view.size[0] * view.size[1] + 1,), np.uint32)
+    first = Shared(device, (view.window.count + 1,), np.uint32, is_clean=False)
     first.host[:] = np.searchsorted(pixel, np.arange(len(first.host)))
     first.push()
     view.more, view.first_more = rows, first

@@ -6,6 +6,7 @@ import threading
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from usdslf.gpu.shared import Shared
 from usdslf.render.gather import MAX_DEPTH
@@ -25,7 +26,7 @@ class Columns:
 
     def __init__(self, geometry: Geometry, count: int) -> None:
         device = geometry.device
-        self.sums_d = device.zeros((max(count, 1), r.COLUMNS), np.float32)
+        self.sums = Shared(device, (max(count, 1), r.COLUMNS), np.float32)
         self.moments = Shared(device, (max(count, 1), 2), np.float32)
 
 
@@ -45,7 +46,7 @@ class GatherRoom:
         self.state, self.path_state = make((2 * BATCH, r.PATH)), make((2 * BATCH, r.PATH))
         self.more_paths, self.more_state = Hits(device, 2 * BATCH), make((2 * BATCH, r.PATH))
         self.followed, self.who = make((2 * BATCH,), np.uint8), make((2 * BATCH,), np.int32)
-        self.all = counting(device, 2 * BATCH)
+        self.all, self.rows = counting(device, 2 * BATCH), make((BATCH,), np.uint32)
         self._numbers: tuple[int, Any] = (-1, None)
 
     def numbers(self, turn: int) -> Any:
@@ -62,24 +63,26 @@ class GatherRoom:
 
 
 def gather_batch(
-    scene: LiveScene, room: GatherRoom, part: Rows, columns: Columns, rows: Shared, first: int, frame: int
+    scene: LiveScene, room: GatherRoom, part: Rows, columns: Columns, rows: NDArray[np.uint32], frame: int
 ) -> None:
-    """Adds a frame to the columns of BATCH rows of a part, at most.
+    """Adds a frame to the columns of some rows of a part.
 
     Args:
-        rows: of the part, of which those from `first` on are meant.
+        rows: (n,) of the part, BATCH at most.
         frame: number; the first one follows no rays, and sends none of the diffuse lobe where nothing needs it.
     """
     g = scene.geometry
-    count = min(BATCH, len(rows.host) - first)
+    count = len(rows)
+    room.rows.host[:count] = rows
+    room.rows.push()
     turn, streams = frame // r.SET, g.sources.streams
     sends_diffuse = np.int32(frame > 0 or g.sources.has_even_dome)
     shared, field = scene.arguments(), scene.light.arguments(g.tables)
     lobes, n = room.lobes, np.uint32(count)
     g.kernel("live_gather", "draw_first")(
-        groups(count), (GROUP,), n, rows, np.uint32(first), np.uint32(frame % r.SET), np.uint32(turn % r.ROUNDS),
-        np.int32(frame < SHARED_FRAMES), sends_diffuse, part.surface, part.place, room.numbers(turn), *shared,
-        scene.light.guide_d, g.tables.frames_d, np.float32(SHARE), *room.to_sources.arguments, room.shone,
+        groups(count), (GROUP,), n, room.rows, np.uint32(frame % r.SET), np.uint32(turn % r.ROUNDS),
+        np.int32(frame < SHARED_FRAMES), sends_diffuse, part.surface, part.place, part.identity, room.numbers(turn),
+        *shared, scene.light.guide_d, g.tables.frames_d, np.float32(SHARE), *room.to_sources.arguments, room.shone,
         lobes.origin, lobes.direction, lobes.length, room.drawn,
     )  # fmt: skip
     if streams:
@@ -89,14 +92,15 @@ def gather_batch(
     follows = np.int32(frame > 0)
     g.kernel("live_gather", "arrive_first")(
         groups(sent), (GROUP,), np.uint32(sent), follows, *shared, *field, lobes.origin, lobes.direction, lobes.length,
-        lobes.triangle, lobes.u, lobes.v, lobes.distance, room.drawn, room.arrived, room.state, room.followed,
+        lobes.triangle, lobes.u, lobes.v, lobes.distance, room.drawn, n, room.rows, part.identity,
+        room.arrived, room.state, room.followed,
     )  # fmt: skip
     if follows:
         _follow(scene, room, sent, frame)
     g.kernel("live_gather", "add_frame")(
-        groups(count), (GROUP,), n, rows, np.uint32(first), np.int32(streams), sends_diffuse, part.surface,
+        groups(count), (GROUP,), n, room.rows, np.int32(streams), sends_diffuse, part.surface,
         room.to_sources.length, room.to_sources.blocked, room.shone, lobes.length, room.drawn, room.arrived,
-        scene.light.arriving_d, columns.sums_d, columns.moments,
+        scene.light.arriving_d, columns.sums, columns.moments,
     )  # fmt: skip
     g.device.finish()
 

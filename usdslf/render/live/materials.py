@@ -94,6 +94,7 @@ class MaterialTable:
     on_host: NDArray[np.bool_]  # (M,) those that are evaluated on the host
     whole: tuple[object, ...]  # (M,) all that a material says, comparable
     opacity: tuple[object, ...]  # (M,) what is seen through it
+    emission: tuple[object, ...]  # (M,) what it emits
     gloss: tuple[object, ...]  # (M,) what of it the light columns of a material's rows depend on
 
     @staticmethod
@@ -109,6 +110,7 @@ class MaterialTable:
             tuple(materials), up(rows), up(np.array(refs or [np.zeros(r.REF)], np.float32)), pool.arrays(), on_host,
             tuple(_comparable(tuple(vars(m).values())) for m in materials),
             tuple(_comparable((m.opacity, m.opacity_threshold, m.opacity_mode)) for m in materials),
+            tuple(_comparable((m.emissive_color,)) for m in materials),
             tuple(_gloss(m) for m in materials),
         )  # fmt: skip
 

@@ -36,6 +36,7 @@ DRAWN_RAY = 10  # floats of a ray of a lobe; its density is with the guide, that
 RAY_PDF, RAY_WEIGHTS, RAY_FOLDED, RAY_ELEMENT, RAY_MATTE, RAY_LOBE_PDF = 0, 1, 6, 7, 8, 9
 COLUMNS = 24  # floats of a row's light: X, Y of sources, X, Y of surfaces, A, B, coat
 FRAMES, GATHERED = 21, 22  # frames of the columns; those that sent a ray of the diffuse lobe
+KEPT = 26  # floats of a row's columns and moments, kept aside
 GUIDE = 16  # floats of what neighbours are compared by
 LIGHT = 16  # the same, as they are shown: X, Y, A, B, coat
 FRESNEL_COSINES = 64  # cosines of the eye for which the share of the column Y is known

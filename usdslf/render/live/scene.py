@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -21,7 +22,7 @@ from usdslf.render.live.materials import MaterialTable, TexturePool
 from usdslf.render.live.sources import SourceTable
 from usdslf.render.lobes import ShadingPoints, shading_points
 from usdslf.render.wide_field import WideField
-from usdslf.scene.records import F32, Scene
+from usdslf.scene.records import F32, Material, Scene
 from usdslf.surfaces.reflectance import directional_albedo, lobe_parameter, model_of
 from usdslf.surfaces.surface_points import evaluate_surface
 
@@ -35,7 +36,7 @@ def groups(count: int) -> tuple[int]:
 
 @dataclass(frozen=True)
 class Geometry:
-    """Triangles, textures and sources on the device: what no edit changes."""
+    """Triangles, textures and sources on the device: what edits of opacity and emission alone change."""
 
     device: Device
     tracer: RayTracer
@@ -58,6 +59,13 @@ class Geometry:
             up(np.asarray(t.normals, np.float32)), up(np.asarray(t.material, np.int32)),
             up(np.asarray(tracer.extent, np.float32)), field.lookup_d,
         )  # fmt: skip
+
+    def under(self, materials: Sequence[Material]) -> Geometry:
+        """Returns the same under materials that differ in what can be seen through, or in what shines."""
+        scene = replace(self.scene, materials=tuple(materials))
+        lights = self.lights.under(scene)
+        sources = SourceTable.of(self.device, lights)
+        return replace(self, scene=scene, tracer=self.tracer.under(scene), lights=lights, sources=sources)
 
     def kernel(self, stem: str, name: str) -> Kernel:
         """Returns a kernel of the live picture, built for its model."""
@@ -145,6 +153,14 @@ class LiveScene:
                 )
                 surface.push()
 
+    def recolor(self, hits: Hits, rows: Shared, count: int, surface: Shared) -> None:
+        """Gives some surfaces their colours again, by the device."""
+        g, m = self.geometry, self.materials
+        g.kernel("live_surfaces", "recolor")(
+            groups(count), (GROUP,), np.uint32(count), rows, hits.triangle, hits.u, hits.v,
+            np.uint32(len(g.scene.triangles.mesh)), g.material_d, m.rows_d, m.refs_d, *m.pool, surface,
+        )  # fmt: skip
+
     def _on_host(self, triangle: NDArray, barycentric: NDArray, direction: F32, least: F32, rows: F32) -> F32:
         """Surface rows (n, SURFACE) by the host's own rules, over rows of the kernel's."""
         g = self.geometry
@@ -181,10 +197,10 @@ class Hits:
     """Room for rays and the first surfaces that they meet."""
 
     def __init__(self, device: Device, count: int) -> None:
-        make = lambda shape, dtype=np.float32: Shared(device, shape, dtype)  # noqa: E731
+        make = lambda shape, dtype=np.float32: Shared(device, shape, dtype, is_clean=False)  # noqa: E731
         self.origin, self.direction, self.length = make((count, 3)), make((count, 3)), make((count,))
         self.triangle, self.u, self.v = make((count,), np.int32), make((count,)), make((count,))
-        self.distance, self.least_roughness = make((count,)), make((count,))
+        self.distance, self.least_roughness = make((count,)), Shared(device, (count,), np.float32)
 
     def trace(self, tracer: RayTracer, count: int, stop_at_translucent: bool = False) -> None:
         """Finds what the first rays meet; rays of length 0 meet nothing."""

@@ -1,17 +1,19 @@
 """What a camera sees, row by row: first hits, surfaces, and what belongs to which pixel.
 
-The rows of the grid are the middles of all pixels.  Further rows, each with its share of a pixel, are other places of
-pixels at edges, and what is behind surfaces that can be seen through.
+The rows of the grid are the middles of the pixels of a window of the picture, the whole of it or a part.  Further rows,
+each with its share of a pixel, are other places of pixels at edges, and what is behind surfaces that can be seen
+through.  What is drawn for a row depends on the row's place in the picture alone, so that a part shows what the whole
+does.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from usdslf.gpu.device import Device
 from usdslf.gpu.shared import Shared
 from usdslf.progress import tell
 from usdslf.render.filter import morton_place
@@ -21,44 +23,95 @@ from usdslf.scene.cameras import film_window, pixel_size
 from usdslf.scene.records import Camera
 
 TILE = 8  # pixels on a side that share a set of numbers
+APART = 0x9E3779B1  # between the numbers of rows of one pixel
+
+
+@dataclass(frozen=True)
+class Window:
+    """Pixels of a picture, of which (x, y) is the first."""
+
+    x: int
+    y: int
+    width: int
+    height: int
+
+    @property
+    def count(self) -> int:
+        """Its pixels."""
+        return self.width * self.height
+
+    def with_border(self, border: int, size: tuple[int, int]) -> Window:
+        """Returns it with so many pixels more on each side, within a picture of a size."""
+        x, y = max(self.x - border, 0), max(self.y - border, 0)
+        right, bottom = (min(a + n + border, m) for a, n, m in zip((self.x, self.y), (self.width, self.height), size))
+        return Window(x, y, right - x, bottom - y)
+
+    def rows_in(self, inner: Window) -> tuple[slice, slice]:
+        """Returns where another window lies in arrays (height, width) of this one."""
+        x, y = inner.x - self.x, inner.y - self.y
+        return slice(y, y + inner.height), slice(x, x + inner.width)
+
+    def places(self, pixel: NDArray) -> tuple[NDArray, NDArray]:
+        """Returns x and y, in the picture, of pixels of the window (n,)."""
+        y, x = np.divmod(pixel, self.width)
+        return x + self.x, y + self.y
 
 
 class Rows:
     """n rows and all that is known of them."""
 
-    def __init__(self, device: Device, hits: Hits, pixel: NDArray, share: NDArray, width: int) -> None:
+    def __init__(
+        self, scene: LiveScene, hits: Hits, pixel: NDArray, nth: NDArray | int, share: NDArray, window: Window,
+        width: int,
+    ) -> None:  # fmt: skip
         """Makes room for the surfaces of hits.
 
         Args:
-            pixel: (n,) of each row.
-            share: (n,) of its pixel that it is.
-            width: of the picture [pixels].
+            pixel: (n,) of the window, of each row.
+            nth: (n,) of each among those of its pixel, from 1; 0: of the grid.
+            share: (n,) of its pixel that each is.
+            window: whose pixels they are.
+            width: of the whole picture [pixels].
         """
+        device = scene.geometry.device
         self.count, self.hits = len(pixel), hits
         n = max(self.count, 1)
-        make = lambda shape, dtype=np.float32: Shared(device, shape, dtype)  # noqa: E731
-        self.surface, self.guide = make((n, r.SURFACE)), make((n, r.GUIDE))
-        self.soft_d = device.zeros((n, 3), np.float32)
+        make = lambda shape, dtype=np.float32: Shared(device, shape, dtype, is_clean=False)  # noqa: E731
+        self.surface, self.guide, self.soft = make((n, r.SURFACE)), make((n, r.GUIDE)), make((n, 3))
         self.pixel, self.share, self.place = make((n,), np.uint32), make((n,)), make((n,), np.uint8)
-        self.all = make((n,), np.uint32)
+        self.all, self.identity = make((n,), np.uint32), make((n,), np.uint32)
+        self.radiance = Shared(device, (n, 3), np.float32)  # that each sends to the eye
+        self.unshaded: list[NDArray[np.uint32]] = []  # rows of which that is not so any more
         self.pixel.host[: self.count], self.share.host[: self.count] = pixel, share
-        self.place.host[: self.count] = morton_place(pixel % width % TILE, pixel // width % TILE)
+        x, y = window.places(pixel)
+        self.place.host[: self.count] = morton_place(x % TILE, y % TILE)
+        self.place.host[: self.count] ^= np.asarray(np.asarray(nth) * 21 % r.SET, np.uint8)
+        self.identity.host[: self.count] = (y * width + x + np.asarray(nth) * APART) & 0xFFFFFFFF
         self.all.host[:] = np.arange(n)
-        for a in (self.pixel, self.share, self.place, self.all):
+        for a in (self.pixel, self.share, self.place, self.all, self.identity):
             a.push()
-        self._device = device
+        self._device, self._material_of = device, scene.geometry.scene.triangles.material
 
-    def of_materials(self, materials: NDArray) -> Shared | None:
-        """Returns the rows that show some materials (m,), None where there are none."""
-        shown = self.surface.host[: self.count, r.MATERIAL]
-        rows = np.flatnonzero(np.isin(shown, materials)).astype(np.uint32)
-        return self.listed(rows)
+    @cached_property
+    def _by_material(self) -> tuple[NDArray, NDArray]:
+        """Rows that show something, by material, and where each material's begin."""
+        triangle = self.hits.triangle.host[: self.count]
+        there = np.flatnonzero(triangle >= 0)
+        material = self._material_of[triangle[there]]
+        count = int(material.max(initial=-1)) + 1
+        order = np.argsort(material.astype(np.uint16 if count < 1 << 16 else np.int64), kind="stable")
+        return there[order].astype(np.uint32), np.concatenate([[0], np.cumsum(np.bincount(material, minlength=count))])
 
-    def listed(self, rows: NDArray) -> Shared | None:
-        """Returns rows (m,) for kernels."""
-        if not len(rows):
-            return None
-        out = Shared(self._device, rows.shape, np.uint32)
+    def of_material(self, material: int) -> NDArray[np.uint32]:
+        """Returns the rows that show a material, in order."""
+        rows, first = self._by_material
+        return rows[first[material] : first[material + 1]] if material + 1 < len(first) else rows[:0]
+
+    def listed(self, rows: NDArray) -> Shared:
+        """Returns rows (m,), one at least, for kernels."""
+        if len(rows) == self.count:
+            return self.all
+        out = Shared(self._device, rows.shape, np.uint32, is_clean=False)
         out.host[:] = rows
         out.push()
         return out
@@ -70,13 +123,15 @@ class View:
 
     scene: LiveScene
     camera: Camera
-    size: tuple[int, int]
+    size: tuple[int, int]  # of the whole picture
+    window: Window
     grid: Rows
     backdrop: Shared  # (pixels, 3)
     pixel_size: float  # for a unit of distance; negative: everywhere
     more: Rows | None = None
     first_more: Shared | None = None  # (pixels + 1,)
     is_close: bool = False  # further rows were looked for
+    lit_by: object = None  # what the light of the rows' radiance is of
 
     @property
     def parts(self) -> list[Rows]:
@@ -88,26 +143,36 @@ class View:
         before, now = self.scene.materials, scene.materials
         changed = [m for m, (a, b) in enumerate(zip(before.whole, now.whole)) if a != b]
         for part in self.parts:
-            rows = part.of_materials(np.array(changed)) if changed else None
-            if rows is not None:
-                scene.evaluate(part.hits, rows, len(rows.host), part.surface)
+            for m in changed:
+                rows = part.of_material(m)
+                if not len(rows):
+                    continue
+                if before.gloss[m] != now.gloss[m] or before.opacity[m] != now.opacity[m] or now.on_host[m]:
+                    scene.evaluate(part.hits, part.listed(rows), len(rows), part.surface)
+                else:
+                    scene.recolor(part.hits, part.listed(rows), len(rows), part.surface)
+                part.unshaded.append(rows)
             if self.scene.light is not scene.light:
                 fill_soft(scene, part)
         scene.geometry.device.finish()
         self.scene = scene
 
 
-def look(scene: LiveScene, camera: Camera, size: tuple[int, int], hide_lights: bool = False) -> View:
-    """Finds what a camera sees at the middles of pixels; `look_closer` adds the rest."""
+def look(
+    scene: LiveScene, camera: Camera, size: tuple[int, int], window: Window, hide_lights: bool = False
+) -> View:  # fmt: skip
+    """Finds what a camera sees at the middles of a window's pixels; `look_closer` adds the rest."""
     g = scene.geometry
-    device, n = g.device, size[0] * size[1]
+    device, n = g.device, window.count
     hits = Hits(device, n)
-    send_rays(scene, camera, size, hits, n)
+    send_rays(scene, camera, size, hits, n, window)
     hits.trace(g.tracer, n, stop_at_translucent=True)
+    if hide_lights:
+        hits.triangle.pull()
     backdrop = Shared(device, (n, 3), np.float32) if hide_lights else see_lights(scene, hits, n)
-    grid = Rows(device, hits, np.arange(n), np.ones(n, np.float32), size[0])
+    grid = Rows(scene, hits, np.arange(n), 0, np.ones(n, np.float32), window, size[0])
     of_distance = float(pixel_size(camera, np.ones(1), size)[0]) * (1 if camera.perspective else -1)
-    view = View(scene, camera, size, grid, backdrop, of_distance)
+    view = View(scene, camera, size, window, grid, backdrop, of_distance)
     fill_rows(scene, view, grid)
     tell()
     return view
@@ -130,14 +195,14 @@ def fill_soft(scene: LiveScene, rows: Rows) -> None:
     g.kernel("live_surfaces", "soft_light")(
         groups(n), (GROUP,), np.uint32(n), h.triangle, h.u, h.v, h.direction, t.corners_d, t.face_normal_d,
         t.cells_of_triangle_d, t.entry_of_cell_d, t.cell_count, t.elements_of_entry_d, t.position_d,
-        scene.light.soft_d, rows.soft_d,
+        scene.light.soft_d, rows.soft,
     )  # fmt: skip
 
 
 def send_rays(
-    scene: LiveScene, camera: Camera, size: tuple[int, int], hits: Hits, count: int, at: Shared | None = None
+    scene: LiveScene, camera: Camera, size: tuple[int, int], hits: Hits, count: int, at: Shared | Window
 ) -> None:
-    """Makes rays through the middles of pixels, or through places (count, 2)."""
+    """Makes rays through the middles of a window's pixels, or through places (count, 2) of the picture."""
     m = camera.world_from_camera
     values = np.zeros(24, np.float32)
     values[:3] = m[:3, 3]
@@ -146,15 +211,18 @@ def send_rays(
     values[16] = camera.focal_length if camera.perspective else 0
     values[17:19] = max(camera.near, 0.0), min(max(camera.far, 0.0), 1e37)
     values[19:21] = size
+    if isinstance(at, Window):
+        values[21:24] = at.x, at.y, at.width
     scene.geometry.kernel("live_camera", "camera_rays")(
-        groups(count), (GROUP,), np.uint32(count), scene.geometry.device.upload(values), np.int32(at is not None),
-        hits.length if at is None else at, hits.origin, hits.direction, hits.length,
+        groups(count), (GROUP,), np.uint32(count), scene.geometry.device.upload(values),
+        np.int32(isinstance(at, Shared)), at if isinstance(at, Shared) else hits.length, hits.origin, hits.direction,
+        hits.length,
     )  # fmt: skip
 
 
 def see_lights(scene: LiveScene, hits: Hits, count: int) -> Shared:
     """Returns what rays see of lights and domes (count, 3); hits that are hidden by a light are taken away."""
-    backdrop = Shared(scene.geometry.device, (count, 3), np.float32)
+    backdrop = Shared(scene.geometry.device, (count, 3), np.float32, is_clean=False)
     scene.geometry.kernel("live_camera", "lights_in_view")(
         groups(count), (GROUP,), np.uint32(count), *scene.arguments(), hits.origin, hits.direction, hits.length,
         hits.triangle, hits.distance, backdrop,
