@@ -2,6 +2,10 @@
 
 import sys
 
-from hydra_viewer.ui.application import main
+from usdslf import choose_pxr
+
+choose_pxr()  # before anything imports pxr
+
+from hydra_viewer.ui.application import main  # noqa: E402
 
 sys.exit(main())

@@ -50,10 +50,13 @@ class Canvas(QWidget):
 
     Attributes:
         failed: Signal(str): a sentence for the error bar.
+        noted: Signal(str): a sentence on what is shown.
         progress: Signal(float): of the picture, 0..1.
+        kind: of the viewport.
     """
 
     failed = Signal(str)
+    noted = Signal(str)
     progress = Signal(float)
 
     def __init__(self, document: Document, easel: Easel, kind: ViewportKind, parent: QWidget | None = None) -> None:
@@ -77,8 +80,10 @@ class Canvas(QWidget):
     # ── the viewport ───────────────────────────────────────────────────────────────────────────
 
     def _made(self, kind: ViewportKind) -> Viewport:
+        self.kind = kind
         viewport = kind.make(self)
         viewport.failed.connect(self.failed)
+        viewport.noted.connect(self.noted)
         viewport.progress.connect(self.progress)
         viewport.widget.setAttribute(Qt.WidgetAttribute.WA_TransparentForMouseEvents)
         viewport.widget.setGeometry(self.rect())
@@ -94,6 +99,7 @@ class Canvas(QWidget):
         before.widget.deleteLater()
         self.viewport = self._made(kind)
         self.viewport.set_display(self.easel.display)
+        self.viewport.hold(self._is_held)
         self._show_shot()
         self._show_view()
 
@@ -103,6 +109,7 @@ class Canvas(QWidget):
 
     def hold(self, is_held: bool) -> None:
         """Leaves the processor to other work; see `Viewport.hold`."""
+        self._is_held = is_held
         self.viewport.hold(is_held)
 
     def _show_shot(self) -> None:

@@ -70,6 +70,7 @@ class LiveViewport(QObject):
 
     changed = Signal()
     failed = Signal(str)
+    noted = Signal(str)
     progress = Signal(float)
     _resized = Signal()
     _made = Signal(object, float)

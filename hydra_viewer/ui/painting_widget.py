@@ -29,9 +29,11 @@ class PaintingWidget(QWidget):
         canvas: the picture.
         solving: keeps what was found up with the strokes.
         failed: Signal(str): a sentence that people should see.
+        noted: Signal(str): one that is no error.
     """
 
     failed = Signal(str)
+    noted = Signal(str)
 
     def __init__(
         self, shot: Shot | None = None, strokes: Sequence[Stroke] = (), parent: QWidget | None = None,
@@ -49,6 +51,7 @@ class PaintingWidget(QWidget):
         self.canvas = Canvas(self.document, self.easel, viewport, self)
         self.solving = Solving(self.document, self.worker, self)
         self.canvas.failed.connect(self.failed)
+        self.canvas.noted.connect(self.noted)
         self.solving.failed.connect(self.failed)
         self.worker.idle_changed.connect(lambda is_idle: self.canvas.hold(not is_idle))
         layout = QVBoxLayout(self)

@@ -56,6 +56,10 @@ class Viewport(Protocol):
         """Signal(str): why no picture can be shown, a sentence for the error bar."""
 
     @property
+    def noted(self) -> SignalInstance:
+        """Signal(str): what people should know of the picture, a sentence."""
+
+    @property
     def progress(self) -> SignalInstance:
         """Signal(float): how far the picture is, 0..1; 1: it gets no better."""
 

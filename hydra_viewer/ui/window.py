@@ -18,6 +18,7 @@ from hydra_viewer.ui.brush_panel import BrushPanel
 from hydra_viewer.ui.painting_widget import PaintingWidget
 from hydra_viewer.ui.sentence_panel import SentencePanel
 from hydra_viewer.ui.stage_panel import StagePanel
+from hydra_viewer.ui.viewports import ViewportMenu
 from hydra_viewer.ui.worker import Job
 
 LEFT, RIGHT = Qt.DockWidgetArea.LeftDockWidgetArea, Qt.DockWidgetArea.RightDockWidgetArea
@@ -52,6 +53,7 @@ class Window(QMainWindow):
         self.add_panel(words.FOUND_PANEL, self.sentence_panel, RIGHT)
         self._make_menus()
         self.painting.failed.connect(self.bar.say)
+        self.painting.noted.connect(lambda sentence: self.bar.say(sentence, is_error=False))
         self.worker.progressed.connect(self._progress.tell)
         self.worker.idle_changed.connect(self._progress.set_idle)
         self._progress.cancelled.connect(self.worker.cancel)
@@ -101,6 +103,9 @@ class Window(QMainWindow):
         edit.addActions([self.undo_action, self.redo_action])
         edit.addAction(self.action(words.SOLVE, self.painting.solving.solve, "Ctrl+R"))
         edit.addAction(self.action(words.CANCEL, self.worker.cancel, "Ctrl+."))
+
+        self.viewport_menu = ViewportMenu(self.painting.canvas, self)
+        self.menuBar().addMenu(words.VIEW).addMenu(self.viewport_menu)
 
         camera = self.menuBar().addMenu(words.CAMERA)
         camera.addAction(self.action(words.FRAME, self.painting.frame_selected, "F"))

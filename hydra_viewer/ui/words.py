@@ -56,6 +56,21 @@ def painted(tool: str) -> str:
 
 
 LIVE_VIEWPORT = "Built-in picture"
+VIEWPORT, VIEWPORT_TIP = "&Viewport", "Show the shot by this renderer; camera, display and look stay"
+HYDRA = "Hydra"
+NO_OPENGL = "no OpenGL 4 context can be made here, which Hydra needs: use the built-in viewport"
+
+
+def hydra_viewport(delegate: str) -> str:
+    """Returns the name of the viewport that draws by a render delegate of Hydra."""
+    return f"{HYDRA}: {delegate}"
+
+
+def no_hydra(pxr: str, error: ImportError) -> str:
+    """Returns why Hydra cannot be used although it is installed."""
+    return f"{pxr} cannot be loaded ({error}): the built-in viewport is used"
+
+
 CLOSE_BAR = "Close"
 CANCEL_BUTTON = "Cancel"
 STAGE_PANEL, BRUSH_PANEL, FOUND_PANEL = "Stage", "Brush", "Understood"
