@@ -13,13 +13,14 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from typing import TypeVar
 
 Work = TypeVar("Work")
+THREADS = "USDSLF_THREADS"  # environment variable: the most that a process takes, where several share a machine
 
 
 def thread_count() -> int:
-    """Returns how many processors this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return max(1, len(os.sched_getaffinity(0)))
-    return os.cpu_count() or 1
+    """Returns how many processors this process may use: all that the system gives it, or as many as THREADS says."""
+    there = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    said = os.environ.get(THREADS, "")
+    return max(1, min(there, int(said)) if said.isdecimal() else there)
 
 
 def map_ahead(
