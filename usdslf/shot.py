@@ -346,6 +346,13 @@ class Shot:
             )  # fmt: skip
         return other
 
+    def relit(self, lights: tuple[Light, ...]) -> Shot:
+        """Returns the shot in the light of others, `lights`, in place of its own; what glows stays."""
+        device, lock = self.device, threading.RLock()
+        other = replace(self, device_name=device, seconds={}, warnings=[], lock=lock, laid=None, start=[])
+        other._take(scene=replace(self.scene, lights=lights), tracer=self.tracer)
+        return other
+
     def at_frame(self, frame: float) -> Shot:
         """Returns the shot at another frame, a time code.
 

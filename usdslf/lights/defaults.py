@@ -1,4 +1,4 @@
-"""The light of a stage that has none."""
+"""The light of a stage that has none, and that of a picture of surroundings."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 
 from usdslf.lights.sources import EmissiveSurfaces, SurfaceEmission
 from usdslf.sampling.frames import tangents
-from usdslf.scene.records import Light, Scene
+from usdslf.scene.records import Light, LightTexture, Scene
 
 KEY_IRRADIANCE = 2.0  # of the default key light on a surface that faces it
 KEY_ANGLE = np.radians(4.0)
@@ -41,6 +41,15 @@ def default_lights(scene: Scene) -> tuple[tuple[Light, ...], str]:
         f"the stage has no light: it is lit by a distant key of irradiance {KEY_IRRADIANCE:g} over the left "
         f"shoulder of {seen_from} and a white dome of radiance {DOME_RADIANCE:g}"
     )
+
+
+def dome_of_picture(picture: str, scene: Scene) -> Light:
+    """Returns a dome of radiance 1 that a latlong picture, a file, colours, upright in a scene."""
+    upright = np.eye(4)
+    if scene.up_axis == "Z":
+        upright[:3, :3] = [[1, 0, 0], [0, 0, -1], [0, 1, 0]]
+    texture = LightTexture(picture, "latlong", "auto", scene.ocio, scene.working_space)
+    return Light("", "dome", (1.0, 1.0, 1.0), upright, texture=texture)
 
 
 def lights_or_default(scene: Scene) -> tuple[tuple[Light, ...], str]:
