@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from usdslf.edits.storage import storage_of
 from usdslf.inference.answer_residuals import varying_residual
 from usdslf.inference.answers import Answer, Painted, means_of
-from usdslf.inference.bilinear import pool_tables
+from usdslf.inference.bilinear import Tables, pool_tables
 from usdslf.inference.candidate import Candidate
 from usdslf.inference.evidence import Evidence, evaluate_columns
 from usdslf.inference.fit import Way, bounds_of_tables, hold_energy
@@ -47,21 +47,31 @@ def refit_answer(
         chosen = as_candidate(tables, varying, chosen)
         before, after = means_of(tables, chosen)
         return replace(answer, chosen=chosen, tables=tables, before=before, after=after, varying=varying)
-    if chosen.freed:
-        if "glossiness" in chosen.freed:
-            pairs = zip(mine, answer.pool.strokes, strict=True)
-            fine = [_finer(e, painted[i].samples, field, chosen) for e, i in pairs]
-            tables = pool_tables(fine, answer.pool.material, field.model)
-            problem = refit_problem(tables, options)
-            fits = [refit(problem, replace(chosen, level=j)) for j in range(FINE_LEVELS)]
-            best = min(fits, key=lambda c: c.misfit)
-            chosen = replace(best, roughness_shift=float(tables.levels[best.level] - tables.roughness))
-        else:
-            chosen = refit(refit_problem(tables, options), replace(chosen, level=tables.own))
-        if is_painted(mine):
-            chosen = refit_as_painted(tables, options, chosen)
+    if "glossiness" in chosen.freed:
+        pairs = zip(mine, answer.pool.strokes, strict=True)
+        fine = [finer(e, painted[i].samples, field, chosen) for e, i in pairs]
+        tables = pool_tables(fine, answer.pool.material, field.model)
+    chosen = refit_tables(tables, chosen, options, is_painted(mine))
     before, after = means_of(tables, chosen)
     return replace(answer, chosen=chosen, tables=tables, before=before, after=after)
+
+
+def refit_tables(tables: Tables, chosen: Candidate, options: Options, painted: bool) -> Candidate:
+    """Returns the chosen parameters fitted to tables: of `finer` evidence where glossiness is one of them.
+
+    Args:
+        painted: all strokes are colours that a painter chose.
+    """
+    if not chosen.freed:
+        return chosen
+    if "glossiness" in chosen.freed:
+        problem = refit_problem(tables, options)
+        fits = [refit(problem, replace(chosen, level=j)) for j in range(FINE_LEVELS)]
+        best = min(fits, key=lambda c: c.misfit)
+        chosen = replace(best, roughness_shift=float(tables.levels[best.level] - tables.roughness))
+    else:
+        chosen = refit(refit_problem(tables, options), replace(chosen, level=tables.own))
+    return refit_as_painted(tables, options, chosen) if painted else chosen
 
 
 def means_if_chosen(
@@ -93,8 +103,8 @@ def is_painted(evidence: list[Evidence]) -> bool:
     return all(e.stroke.tool == "replace" for e in evidence)
 
 
-def _finer(e: Evidence, samples: Samples, field: LightField, chosen: Candidate) -> Evidence:
-    """The evidence on levels around the chosen one, and the own level at the end."""
+def finer(e: Evidence, samples: Samples, field: LightField, chosen: Candidate) -> Evidence:
+    """Returns the evidence on levels around the chosen one, and the own level at the end."""
     own = e.levels[:, -1]
     steps = gloss_levels(field.model)
     step = np.interp(own.mean() + chosen.roughness_shift, steps, np.gradient(steps))
