@@ -14,6 +14,7 @@ import traceback
 import click
 
 import usdslf
+from usdslf.cli.commands.batch import batch
 from usdslf.cli.commands.bench import bench
 from usdslf.cli.commands.cache import cache
 from usdslf.cli.commands.demo import demo
@@ -37,7 +38,7 @@ def program() -> None:
     """Paint how a surface should look; get the material change that explains it, as a USD layer."""
 
 
-for command in (info, review, render, stroke, solve, stylize, view, demo, bench, doctor, cache):
+for command in (info, review, render, stroke, solve, stylize, batch, view, demo, bench, doctor, cache):
     program.add_command(command)
 
 

@@ -1,0 +1,102 @@
+"""Open Job Description: a batch as a job template for render farms.
+
+    write_template(plan, path) -> sentence
+
+Each job is a task, each layer of what needs what a step, and a last step collects.  All files that the jobs read are
+listed as the job's inputs.  A task whose job fails ends well, so that others go on; the last step fails then.
+Source: https://github.com/OpenJobDescription/openjd-specifications, 2023-09; lists of paths are its extension EXPR.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+from usdslf.batch.inputs import read_together
+from usdslf.batch.job import Job
+from usdslf.batch.plan import Plan
+from usdslf.batch.reads import reads_of
+from usdslf.batch.run import phases
+from usdslf.errors import InputError
+from usdslf.replacing import check_place, replacing
+
+MOST_TASKS = 1024  # of a step, as the specification says
+SPARE = 60  # seconds for a task beside those of its job
+MOST_NAME = 128
+
+
+def write_template(found: Plan, path: str | os.PathLike[str]) -> str:
+    """Writes a template of all jobs of a plan, finished ones too, which their tasks skip.
+
+    Args:
+        found: of `plan`.
+        path: ends in .yaml, .yml or .json.
+
+    Returns: a line about it.
+
+    Raises: InputError where it cannot be written.
+    """
+    target = Path(path)
+    if target.suffix.lower() not in (".yaml", ".yml", ".json"):
+        raise InputError(f"{target} is no template; end its name in .yaml or .json")
+    check_place(target)
+    files = read_together(reads_of(job) for job in found.jobs).files
+    inputs = sorted({found.manifest, *(f for f in files if os.path.isfile(f))})
+    template = {
+        "specificationVersion": "jobtemplate-2023-09",
+        "extensions": ["EXPR"],
+        "name": f"usdslf batch {Path(found.manifest).stem}"[:MOST_NAME],
+        "parameterDefinitions": _parameters(found, inputs),
+        "steps": list(_steps(found)),
+    }
+    with replacing(target) as temporary:
+        temporary.write_text(json.dumps(template, indent=2, ensure_ascii=False) + "\n", encoding="utf-8")
+    steps = len(template["steps"])
+    return f"{target}: {len(found.jobs)} tasks in {steps} steps, {len(inputs)} files; run it with: openjd run {target}"
+
+
+def _parameters(found: Plan, inputs: Sequence[str]) -> list[dict[str, Any]]:
+    folder = {"type": "PATH", "objectType": "DIRECTORY"}
+    return [
+        {"name": "Python", "type": "STRING", "default": sys.executable, "description": "That has usdslf."},
+        {"name": "Manifest", "type": "PATH", "objectType": "FILE", "dataFlow": "IN", "default": found.manifest},
+        {"name": "Output", **folder, "dataFlow": "OUT", "default": found.output},
+        {"name": "Inputs", "type": "LIST[PATH]", "objectType": "FILE", "dataFlow": "IN", "default": list(inputs),
+         "description": "All files that the jobs read: layers, textures, tiles, value clips, strokes."},
+    ]  # fmt: skip
+
+
+def _steps(found: Plan) -> Iterator[dict[str, Any]]:
+    """A step for each layer of jobs, more where they are many, and one that collects."""
+    before: list[str] = []
+    for number, jobs in enumerate(phases(found.jobs)):
+        names = []
+        for part, first in enumerate(range(0, len(jobs), MOST_TASKS)):
+            names.append(f"Jobs{number + 1}" + (f"_{part + 1}" if len(jobs) > MOST_TASKS else ""))
+            yield _step(names[-1], before, ["--job", "{{Task.Param.Job}}"], found, jobs[first : first + MOST_TASKS])
+        before = names
+    yield _step("Collect", before, ["--collect"], found, [])
+
+
+def _step(
+    name: str, after: Sequence[str], arguments: Sequence[str], found: Plan, jobs: Sequence[Job]
+) -> dict[str, Any]:
+    args = ["-m", "usdslf", "batch", "{{Param.Manifest}}", "-o", "{{Param.Output}}", *arguments]
+    run: dict[str, Any] = {"command": "{{Param.Python}}", "args": args}
+    step: dict[str, Any] = {"name": name}
+    if after:
+        step["dependencies"] = [{"dependsOn": other} for other in after]
+    if jobs:
+        run["timeout"] = int(found.limits.seconds) + SPARE
+        tasks = {"name": "Job", "type": "STRING", "range": [job.name for job in jobs]}
+        step["parameterSpace"] = {"taskParameterDefinitions": [tasks]}
+        step["hostRequirements"] = {"amounts": [{"name": "amount.worker.memory", "min": _mebibytes(found)}]}
+    return {**step, "script": {"actions": {"onRun": run}}}
+
+
+def _mebibytes(found: Plan) -> int:
+    return max(1, found.limits.memory >> 20)

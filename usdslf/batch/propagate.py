@@ -1,0 +1,64 @@
+"""Propagate: an accepted look laid over another shot, with pictures before and after, and what is wrong there."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from usdslf.batch.found import Found, write_values
+from usdslf.batch.inputs import Read
+from usdslf.batch.job import Job
+from usdslf.batch.solving import open_shot, write_pictures
+from usdslf.errors import InputError
+from usdslf.replacing import is_file
+from usdslf.scene.difference import look_alike
+from usdslf.scene.records import Scene
+from usdslf.usd.author.author import author_review_root
+from usdslf.usd.files_read import files_read
+from usdslf.usd.review.review import lines_of_review, review_look
+
+if TYPE_CHECKING:
+    from usdslf.progress import Say
+
+EXPECTED = ("StaleLook",)  # findings of a look that is laid over another shot than its own
+GONE = ("DanglingOver", "MissingTarget")
+
+
+def propagate_look(job: Job, folder: Path, say: Say | None) -> Found:
+    """Lays a look over a shot: writes review.usda, report.json, before.png and after.png into `folder`.
+
+    Raises: InputError where there is no look, StageError for the shot.
+    """
+    look = job.file(job.look)
+    if not is_file(look):
+        raise InputError(f"there is no look {job.look}; solve it first, or mend `look` of the manifest")
+    session = open_shot(job, say)
+    review = review_look(job.file(job.shot), look, job.options.get("ocio"))
+    review["findings"] = [f for f in review["findings"] if f["name"] not in EXPECTED]
+    edited = session.edited(look)
+    findings = list(_sentences(review["findings"], session.scene))
+    if look_alike(session.scene.materials, edited.scene.materials):
+        findings.insert(0, f"the look changes nothing in {Path(job.shot).name}")
+    author_review_root(folder / "review.usda", look, None, job.file(job.shot))
+    write_values(job, folder / "report.json", review)
+    if job.pictures:
+        write_pictures(job, session, folder, look)
+    parts = [files_read(s) for s in (session.shot.source, edited.shot.source)]
+    read = Read(
+        tuple(sorted({f for p in parts for f in (*p.found, *p.missing)})), tuple(x for p in parts for x in p.patterns)
+    )
+    lines = [line.replace(f"{job.root}/", "/") if job.root else line for line in lines_of_review(review)]
+    return Found(tuple(lines), tuple(findings), {"edits": len(review["edits"])}, read)
+
+
+def _sentences(findings: list[dict[str, Any]], scene: Scene) -> Iterator[str]:
+    """The findings in words; of a material that is not there, which one may be it under another name."""
+    for finding in findings:
+        say = finding["message"]
+        if finding["name"] in GONE:
+            leaf = finding["prim"].rsplit("/", 1)[-1]
+            named = [m.path for m in scene.materials if leaf in m.path.split("/")]
+            others = [p for p in named if not p.startswith(finding["prim"])]
+            say += f" It may be {others[0]} now." if others else ""
+        yield say
