@@ -1,4 +1,4 @@
-"""One asset in several shots: what one lighting cannot decide is decided by two, and one look over the asset says it."""
+"""One asset in several shots: what one lighting cannot decide is decided by two, and one look says it."""
 
 from __future__ import annotations
 
@@ -67,7 +67,9 @@ def joint(tmp_path_factory: pytest.TempPathFactory) -> tuple[Plan, dict[str, Res
         stroke = painted(ring("ring6"), LAMPS[name], AFTER["glossiness"])
         write_strokes(folder / name / "strokes.usda", [stroke], Usd.Stage.Open(str(shot)))
     table = 'shots = ["over/shot.usda", "wide/shot.usda"]\nstrokes = ["{dir}/strokes.usda"]\njoint = true\n'
-    (folder / "batch.toml").write_text(f'name = "{{folder}}"\npictures = false\n{OPTIONS}[[jobs]]\n{table}name = "thing"\n')
+    (folder / "batch.toml").write_text(
+        f'name = "{{folder}}"\npictures = false\n{OPTIONS}[[jobs]]\n{table}name = "thing"\n'
+    )
     found = plan(folder / "batch.toml")
     return found, {job.name: run_job(job) for job in found.jobs}
 
