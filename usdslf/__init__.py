@@ -48,7 +48,9 @@ Public names; all others may change from version to version:
     choose_pxr, PxrChoice                               the OpenUSD build of this process; before it is imported
     LiveStage        a shot under a look that changes while it is looked at, as a Usd.Stage
     pick, Pick       what a place of a picture shows
+    seen_prims, Seen, are_seen                   the same of all pixels; which points nothing hides
     stage_prims, PrimRow                         the tree of a stage
+    stage_files, reload_stage                    its files, and how they are read again
     frame_range, FrameRange                      the frames of a shot
     find_next_dab, NextDab                       where one more dab decides
     report_of, lines_of_report                   what was inferred and authored, as values and as lines
@@ -69,7 +71,7 @@ if TYPE_CHECKING:
     from usdslf.hints import find_next_dab
     from usdslf.inference.next_dab import NextDab
     from usdslf.look import Look, author, live_picture, render_shot
-    from usdslf.picking import Pick, pick
+    from usdslf.picking import Pick, Seen, are_seen, pick, seen_prims
     from usdslf.progress import Cancelled, Progress, run, stepwise
     from usdslf.render.live.picture import LiveFrame, LivePicture
     from usdslf.report import lines_of_report, report_of
@@ -81,7 +83,7 @@ if TYPE_CHECKING:
     from usdslf.strokes.paint import paint_stroke
     from usdslf.strokes.stroke import MODES, NORMS, SCOPES, SPACES, TOOLS, Stroke, frame_of, next_name
     from usdslf.usd.live_stage import LiveStage
-    from usdslf.usd.prims import FrameRange, PrimRow, frame_range, stage_prims
+    from usdslf.usd.prims import FrameRange, PrimRow, frame_range, reload_stage, stage_files, stage_prims
     from usdslf.usd.stroke_layer import read_strokes, write_strokes
     from usdslf.usd.which_pxr import PxrChoice, choose_pxr
 
@@ -114,6 +116,7 @@ __all__ = [
     "Progress",
     "PxrChoice",
     "Scene",
+    "Seen",
     "Session",
     "Settings",
     "Shot",
@@ -121,6 +124,7 @@ __all__ = [
     "Stroke",
     "UsdslfError",
     "__version__",
+    "are_seen",
     "author",
     "camera_rays",
     "choose_pxr",
@@ -137,10 +141,13 @@ __all__ = [
     "pick",
     "project_points",
     "read_strokes",
+    "reload_stage",
     "render_shot",
     "report_of",
     "run",
+    "seen_prims",
     "solve",
+    "stage_files",
     "stage_prims",
     "stepwise",
     "stylize_shot",
@@ -160,8 +167,10 @@ _HOME = {
     ),
     **dict.fromkeys(("PxrChoice", "choose_pxr"), "usdslf.usd.which_pxr"),
     "LiveStage": "usdslf.usd.live_stage",
-    **dict.fromkeys(("Pick", "pick"), "usdslf.picking"),
-    **dict.fromkeys(("FrameRange", "PrimRow", "frame_range", "stage_prims"), "usdslf.usd.prims"),
+    **dict.fromkeys(("Pick", "Seen", "are_seen", "pick", "seen_prims"), "usdslf.picking"),
+    **dict.fromkeys(
+        ("FrameRange", "PrimRow", "frame_range", "reload_stage", "stage_files", "stage_prims"), "usdslf.usd.prims"
+    ),
     "find_next_dab": "usdslf.hints",
     "NextDab": "usdslf.inference.next_dab",
     **dict.fromkeys(("lines_of_report", "report_of"), "usdslf.report"),

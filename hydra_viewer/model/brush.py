@@ -8,6 +8,13 @@ RECENT = 12  # colours that are kept
 LEAST, MOST = 0.002, 0.25  # radius, of the picture's height
 STEP = 1.2  # factor of one press of a key
 Rgb = tuple[float, float, float]
+PALETTE: tuple[Rgb, ...] = (
+    (0.02, 0.02, 0.02), (0.18, 0.18, 0.18), (0.5, 0.5, 0.5), (0.85, 0.85, 0.85), (2.0, 2.0, 2.0),
+    (0.45, 0.04, 0.02), (0.55, 0.20, 0.02), (0.50, 0.40, 0.05), (0.08, 0.30, 0.05), (0.03, 0.25, 0.30),
+    (0.03, 0.08, 0.40), (0.20, 0.04, 0.30), (0.40, 0.18, 0.12), (0.60, 0.42, 0.30), (0.95, 0.72, 0.35),
+    (0.25, 0.14, 0.07),
+)  # fmt: skip
+"""Colours to begin with, scene-linear: greys, a highlight, paints, skin, gold, leather."""
 
 
 @dataclass(frozen=True)

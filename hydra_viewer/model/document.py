@@ -12,7 +12,8 @@ from dataclasses import dataclass
 from hydra_viewer.model.announcer import Announcer
 from hydra_viewer.model.found import Found
 from hydra_viewer.model.history import History
-from usdslf import Shot, Stroke, next_name
+from hydra_viewer.model.prim_tree import PrimTree
+from usdslf import FrameRange, Shot, Stroke, frame_range, next_name
 
 Strokes = tuple[Stroke, ...]
 
@@ -37,42 +38,64 @@ class Document:
     Attributes:
         shot: None: nothing is open.
         files: of it.
+        prims, frames: of the shot: its tree, and its frames where there are several.
         found: what the strokes ask for, of the last solve that is whole; None: of no strokes.
+        message: a sentence that people should see.
         selected: path of the prim that is selected; "": none.
-        shot_changed, strokes_changed, found_changed, files_changed, selection_changed: whom to tell.
+        shot_changed, strokes_changed, found_changed, files_changed, selection_changed, message_changed: whom to tell.
     """
 
     def __init__(self) -> None:
         self.shot: Shot | None = None
         self.files = Files()
+        self.prims: PrimTree | None = None
+        self.frames: FrameRange | None = None
         self.found: Found | None = None
+        self.message = ""
         self.selected = ""
         self._history: History[Strokes] = History(())
         self._saved: Strokes = ()
         self.shot_changed, self.strokes_changed, self.found_changed = Announcer(), Announcer(), Announcer()
-        self.files_changed, self.selection_changed = Announcer(), Announcer()
+        self.files_changed, self.selection_changed, self.message_changed = Announcer(), Announcer(), Announcer()
 
     # ── the shot ───────────────────────────────────────────────────────────────────────────────
 
-    def open(self, shot: Shot, files: Files, strokes: Sequence[Stroke] = (), is_saved: bool = True) -> None:
+    def open(
+        self, shot: Shot, files: Files, strokes: Sequence[Stroke] = (), prims: PrimTree | None = None,
+        is_saved: bool = True,
+    ) -> None:  # fmt: skip
         """Takes a shot in, in place of what was open.
 
         Args:
             shot: with what pictures need already made.
             files: of it.
             strokes: on it.
+            prims: its tree; None: not shown.
             is_saved: the strokes are those of the file.
         """
         self.shot, self.files, self.found, self.selected = shot, files, None, ""
+        self.prims, self.frames = prims, frame_range(shot.stage)
         self._history = History(tuple(strokes))
         self._saved = tuple(strokes) if is_saved else ()
         for tell in (self.shot_changed, self.files_changed, self.strokes_changed, self.found_changed):
             tell()
 
-    @property
-    def edited(self) -> Shot | None:
-        """The shot under what was found."""
-        return self.found.shot if self.found is not None and self.found.shot is not None else self.shot
+    def take_shot(self, shot: Shot, found: Found | None, prims: PrimTree | None = None) -> None:
+        """Takes another frame of the same shot, or what is on the disk now; strokes stay.
+
+        Args:
+            shot: in that state.
+            found: with the same look over it; None: strokes have to be solved anew.
+            prims: its tree; None: as it was.
+        """
+        self.shot, self.found, self.prims = shot, found, prims or self.prims
+        self.shot_changed()
+        self.found_changed()
+
+    def report(self, sentence: str) -> None:
+        """Says something that people should see."""
+        self.message = sentence
+        self.message_changed()
 
     # ── strokes ────────────────────────────────────────────────────────────────────────────────
 

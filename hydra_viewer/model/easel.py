@@ -44,6 +44,11 @@ class Easel:
             self.brush = changed
             self.brush_changed()
 
+    def take_tool(self, tool: str) -> None:
+        """Takes a tool in hand; a click paints with it."""
+        self.set_brush(tool=tool)
+        self.draw(pointer="paint")
+
     def look_from(self, view: View | None, is_moving: bool = False) -> None:
         """Looks through another camera.
 

@@ -15,21 +15,50 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from hydra_viewer.model.document import Files, Strokes
+from hydra_viewer.model.autosave import Recovered, recovered
+from hydra_viewer.model.document import Files, Strokes, are_same
 from hydra_viewer.model.found import Found
-from usdslf import Progress, Shot, Solution, author, frame_of, read_strokes, solve, stepwise, write_strokes
+from hydra_viewer.model.prim_tree import PrimTree
+from usdslf import (
+    Look,
+    Progress,
+    Shot,
+    Solution,
+    author,
+    frame_of,
+    read_strokes,
+    reload_stage,
+    solve,
+    stage_files,
+    stepwise,
+    write_strokes,
+)
 
 _numbers = itertools.count(1)
 
 
 @dataclass(frozen=True, eq=False)
 class Opened:
-    """A shot as it was opened, with what pictures need made, and the strokes on it."""
+    """A shot as it was opened, with what pictures need made.
+
+    Attributes:
+        shot, files: it, and where it is from.
+        strokes: on it, of the stroke layer.
+        prims: its tree.
+        layers: its files.
+        warnings: sentences, the most important first.
+        left: strokes that an earlier session did not save; None: none.
+        look: a look layer that is there without strokes; None: none.
+    """
 
     shot: Shot
     files: Files
     strokes: Strokes
+    prims: PrimTree
+    layers: tuple[str, ...]
     warnings: tuple[str, ...] = ()
+    left: Recovered | None = None
+    look: Found | None = None
 
 
 def opening(files: Files, options: Mapping[str, Any]) -> Generator[Progress, None, Opened]:
@@ -51,9 +80,47 @@ def opening(files: Files, options: Mapping[str, Any]) -> Generator[Progress, Non
         asked["frame"] = frame_of(strokes, asked.get("frame"), said)
         shot = Shot.open(files.stage, **asked)
         make_ready(shot)
-        return Opened(shot, files, strokes, (*said, *shot.warnings))
+        look = None if strokes else _look_of(shot, files)
+        warnings = (*(m.sentence for m in shot.scene.missing), *said, *shot.warnings)
+        layers = tuple(stage_files(shot.source))
+        return Opened(shot, files, strokes, PrimTree.of(shot.stage), layers, warnings, recovered(files), look)
 
     return stepwise(open_all)
+
+
+def preparing(shot: Shot, files: Files, strokes: Strokes) -> Generator[Progress, None, Opened]:
+    """Makes what pictures of a shot need that is open already.
+
+    Args:
+        files: of it.
+        strokes: on it.
+    """
+
+    def prepare() -> Opened:
+        make_ready(shot)
+        return Opened(shot, files, strokes, PrimTree.of(shot.stage), tuple(stage_files(shot.source)))
+
+    return stepwise(prepare)
+
+
+def _look_of(shot: Shot, files: Files) -> Found | None:
+    """A look layer that is there, over the shot."""
+    if not files.look or not Path(files.look).exists():
+        return None
+    edited = shot.edited(files.look)
+    _ = edited.scene, edited.light_field
+    return Found((), Solution(), Look(files.look, (), Solution()), edited, is_lit=True)
+
+
+def reopening(shot: Shot, files: Files, options: Mapping[str, Any]) -> Generator[Progress, None, Opened]:
+    """Opens a shot anew whose files have changed; nothing else may be reading it.
+
+    Args:
+        shot: as it was.
+        files, options: as of `opening`.
+    """
+    reload_stage(shot.source)
+    return opening(replace(files, strokes="", look=""), options)
 
 
 def make_ready(shot: Shot) -> None:
@@ -90,16 +157,54 @@ def finding(shot: Shot, strokes: Strokes, folder: Path) -> Generator[Progress | 
     return replace(shown, is_lit=True)
 
 
-def saving(shot: Shot, found: Found | None, strokes: Strokes, files: Files) -> Generator[Progress, None, Files]:
-    """Writes strokes, and the look where there is one.
+@dataclass(frozen=True, eq=False)
+class Framed:
+    """A shot at another frame, and what was found put over it."""
 
-    Raises, when it is run: StrokeError, AuthorError.
+    shot: Shot
+    found: Found | None
+
+
+def framing(shot: Shot, frame: float, found: Found | None) -> Generator[Progress, None, Framed]:
+    """Goes to another frame of a shot.
+
+    Args:
+        frame: time code.
+        found: whose look is put over it; None: none.
     """
 
-    def save() -> Files:
-        write_strokes(files.strokes, strokes, shot.source)
-        if files.look:
-            author(shot, found.solution if found is not None else Solution(), files.look, files.strokes)
-        return files
+    def go() -> Framed:
+        other = shot.at_frame(frame)
+        make_ready(other)
+        if found is None or found.look is None:
+            return Framed(other, None)
+        edited = other.edited(found.look.path)
+        _ = edited.scene, edited.light_field
+        return Framed(other, replace(found, shot=edited, is_lit=True))
 
-    return stepwise(save)
+    return stepwise(go)
+
+
+def saving(
+    shot: Shot, found: Found | None, strokes: Strokes, files: Files
+) -> Generator[Progress | Found, None, Files]:  # fmt: skip
+    """Writes strokes, and the look that they ask for.
+
+    Args:
+        shot: that they are on.
+        found: what was found of strokes; where they are others by now they are solved first.
+        strokes: all.
+        files: where both go; look "": none.
+
+    Raises, when it is run: StrokeError, SolveError, AuthorError.
+    """
+    yield from stepwise(lambda: write_strokes(files.strokes, strokes, shot.source))
+    active = tuple(s for s in strokes if s.active)
+    if not files.look:
+        return files
+    if found is not None and are_same(found.strokes, active):
+        solution = found.solution
+    else:
+        solution = (yield from solve(shot, active)) if active else Solution()
+    yield from stepwise(lambda: author(shot, solution, files.look, files.strokes))
+    return files

@@ -44,7 +44,7 @@ def view(files: Files, options: Mapping[str, Any] | None = None) -> int:
     window = Window(options)
     window.show()
     if files.stage:
-        window.open(files)
+        window.filing.open(files)
     signal.signal(signal.SIGINT, lambda *_: window.close())
     beat = QTimer(window)  # Python hears of signals between events only
     beat.timeout.connect(lambda: None)

@@ -11,8 +11,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 from PySide6.QtCore import QEvent, QPointF, QRect, Qt, Signal
 from PySide6.QtGui import (
+    QColor,
     QContextMenuEvent,
     QEnterEvent,
     QKeyEvent,
@@ -25,10 +27,12 @@ from PySide6.QtWidgets import QWidget
 
 from hydra_viewer.model.navigation import dollied
 from hydra_viewer.model.painting import stroke_of
-from hydra_viewer.ui import words
+from hydra_viewer.ui import theme, words
 from hydra_viewer.ui.gestures import At, Click, Gesture, Navigate, Paint, Resize
+from hydra_viewer.ui.highlight import rim, shown_at
 from hydra_viewer.ui.overlay import Overlay
 from hydra_viewer.ui.viewport import Shown, Viewport, ViewportKind
+from hydra_viewer.ui.worker import Job, Worker
 from usdslf import Pick, UsdslfError, pick
 
 if TYPE_CHECKING:
@@ -59,9 +63,12 @@ class Canvas(QWidget):
     noted = Signal(str)
     progress = Signal(float)
 
-    def __init__(self, document: Document, easel: Easel, kind: ViewportKind, parent: QWidget | None = None) -> None:
+    def __init__(
+        self, document: Document, easel: Easel, worker: Worker, kind: ViewportKind, parent: QWidget | None = None
+    ) -> None:  # fmt: skip
         super().__init__(parent)
-        self.document, self.easel = document, easel
+        self.document, self.easel, self._worker = document, easel, worker
+        self._shows: NDArray[np.int32] | None = None  # which mesh each of some pixels shows
         self._gesture: Gesture | None = None
         self._is_resizing_key_down = False
         self._is_held = False
@@ -71,8 +78,9 @@ class Canvas(QWidget):
         self.setAttribute(Qt.WidgetAttribute.WA_TabletTracking)
         self.overlay = Overlay(document, easel, self)
         self.viewport: Viewport = self._made(kind)
-        document.shot_changed.connect(self._show_shot)
+        document.shot_changed.connect(self._on_shot_changed)
         document.found_changed.connect(self._show_shot)
+        document.selection_changed.connect(self._show_selection)
         easel.view_changed.connect(self._show_view)
         easel.display_changed.connect(lambda: self.viewport.set_display(easel.display))
         self._show_shot()
@@ -112,6 +120,10 @@ class Canvas(QWidget):
         self._is_held = is_held
         self.viewport.hold(is_held)
 
+    def _on_shot_changed(self) -> None:
+        self._shows = None
+        self._show_shot()
+
     def _show_shot(self) -> None:
         shot, found = self.document.shot, self.document.found
         if shot is None:
@@ -126,7 +138,31 @@ class Canvas(QWidget):
     def _show_view(self) -> None:
         if self.easel.view is not None:
             self.viewport.set_camera(self.easel.view.camera, self.easel.is_moving)
+        self._shows = None
+        if not self.easel.is_moving:
+            self._show_selection()
         self.overlay.update()
+
+    # ── what is selected ───────────────────────────────────────────────────────────────────────
+
+    def _show_selection(self) -> None:
+        """Draws the rim of what is selected; where it shows is found first."""
+        shot, view, path = self.document.shot, self.easel.view, self.document.selected
+        if not path or shot is None or view is None:
+            self.overlay.set_rim("selected", None)
+        elif self._shows is None:
+            size = self.width(), self.height()
+            steps = lambda: shown_at(shot, view.camera, size)  # noqa: E731
+            self._worker.start(Job("rim", steps, self._take_shown, lambda *_: None, is_quiet=True))
+        else:
+            below = path.rstrip("/") + "/"
+            is_in = [m.path == path or m.path.startswith((below, f"{path}[")) for m in shot.scene.meshes]
+            inside = np.array([*is_in, False])[self._shows]
+            self.overlay.set_rim("selected", rim(inside, QColor(theme.ACCENT)) if inside.any() else None)
+
+    def _take_shown(self, shows: NDArray[np.int32]) -> None:
+        self._shows = shows
+        self._show_selection()
 
     # ── places ─────────────────────────────────────────────────────────────────────────────────
 
@@ -275,6 +311,8 @@ class Canvas(QWidget):
         rect = QRect(0, 0, self.width(), self.height())
         self.viewport.widget.setGeometry(rect)
         self.overlay.setGeometry(rect)
+        self._shows = None
+        self._show_selection()
 
 
 def _at(point: QPointF) -> At:

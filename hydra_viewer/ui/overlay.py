@@ -1,22 +1,22 @@
-"""Overlay: what is drawn over the picture: strokes, the brush on the surface, the film's frame, marks.
+"""Overlay: what is drawn over the picture: strokes, the brush on the surface, what is selected, the film's frame.
 
 It takes no events; the canvas below it does.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from PySide6.QtCore import QPointF, QRectF, Qt
-from PySide6.QtGui import QColor, QPainter, QPainterPath, QPaintEvent, QPen
+from PySide6.QtCore import QPointF, QRect, QRectF, Qt
+from PySide6.QtGui import QColor, QImage, QPainter, QPainterPath, QPaintEvent, QPen
 from PySide6.QtWidgets import QWidget
 
-from hydra_viewer.model.display import display_codes
-from usdslf import Camera, Pick, Stroke, color_of, film_aspect, pick, project_points
+from hydra_viewer.model.brush_color import shot_color, shown_colors
+from hydra_viewer.ui.marks import DARK, LIGHT, Marks, draw_cross, draw_marks, lay
+from usdslf import Camera, Pick, film_aspect, pick, project_points
 
 if TYPE_CHECKING:
     from hydra_viewer.model.document import Document
@@ -24,15 +24,7 @@ if TYPE_CHECKING:
     from hydra_viewer.model.painting import PenPath
 
 RING = 48  # corners of the brush's ring
-DARK, LIGHT = QColor(0, 0, 0, 150), QColor(255, 255, 255, 220)
-
-
-@dataclass(frozen=True, eq=False)
-class _Marks:
-    """A stroke as it lies on the picture."""
-
-    stroke: Stroke
-    outline: QPainterPath
+LEAST_PRESSURE = 0.1
 
 
 class Overlay(QWidget):
@@ -43,14 +35,14 @@ class Overlay(QWidget):
         self.setAttribute(Qt.WidgetAttribute.WA_TransparentForMouseEvents)
         self.setAttribute(Qt.WidgetAttribute.WA_NoSystemBackground)
         self._document, self._easel = document, easel
+        self._rims: dict[str, QImage] = {}
         self._path: PenPath | None = None
         self._at: tuple[float, float] | None = None
         self._seen: Pick | None = None
-        self._laid: list[_Marks] = []
+        self._laid: dict[int, Marks] = {}  # by stroke
         self._laid_as: tuple[int, ...] = ()
-        document.strokes_changed.connect(self.update)
-        easel.brush_changed.connect(self.update)
-        easel.drawn_changed.connect(self.update)
+        for announcer in (document.strokes_changed, easel.brush_changed, easel.drawn_changed):
+            announcer.connect(self.update)
 
     def draw_path(self, path: PenPath | None) -> None:
         """Draws the stroke that is being painted; None: none is."""
@@ -59,17 +51,32 @@ class Overlay(QWidget):
 
     def point_at(self, at: tuple[float, float] | None) -> None:
         """Draws the brush at a pixel of the widget; None: nowhere."""
-        self._at = at
         shot, view = self._document.shot, self._easel.view
-        self._seen = None
-        if at is not None and shot is not None and view is not None:
+        before = self._brush_rect()
+        self._at, self._seen = at, None
+        if at is not None and shot is not None and view is not None and self._easel.pointer == "paint":
             place = at[0] / max(self.width(), 1), at[1] / max(self.height(), 1)
             self._seen = pick(shot, view.camera, place, self._aspect)
+        if self._path is None:
+            self.update(before.united(self._brush_rect()))
+
+    def set_rim(self, name: str, rim: QImage | None) -> None:
+        """Draws the rim of something, in place of the one of the same name; None: no more."""
+        self._rims.pop(name, None)
+        if rim is not None:
+            self._rims[name] = rim
         self.update()
 
     @property
     def _aspect(self) -> float:
         return self.width() / max(self.height(), 1)
+
+    def _brush_rect(self) -> QRect:
+        """What the brush's ring may cover."""
+        if self._at is None:
+            return QRect()
+        r = int(2.5 * self._easel.brush.radius * self.height()) + 8
+        return QRect(int(self._at[0]) - r, int(self._at[1]) - r, 2 * r, 2 * r)
 
     def paintEvent(self, event: QPaintEvent) -> None:
         view = self._easel.view
@@ -77,11 +84,17 @@ class Overlay(QWidget):
             return
         painter = QPainter(self)
         painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+        painter.setRenderHint(QPainter.RenderHint.SmoothPixmapTransform)
+        if not self._easel.is_moving:
+            for rim in self._rims.values():
+                painter.drawImage(self.rect(), rim)
         if self._easel.drawn != "hidden":
             for marks in self._marks(view.camera):
-                self._draw_stroke(painter, marks)
+                draw_marks(painter, marks, self._paint_of(marks))
         if self._easel.has_gate:
             self._draw_gate(painter, view.camera)
+        if self._easel.brush.tool == "clone":
+            self._draw_source(painter, view.camera)
         if self._path is not None:
             self._draw_path(painter, self._path)
         if self._at is not None and self._easel.pointer == "paint":
@@ -89,61 +102,53 @@ class Overlay(QWidget):
 
     # ── strokes ────────────────────────────────────────────────────────────────────────────────
 
-    def _marks(self, camera: Camera) -> list[_Marks]:
-        """The strokes on the picture, laid anew only where camera, size or strokes changed."""
-        key = (id(camera), self.width(), self.height(), *(id(s) for s in self._document.active))
-        if self._laid_as != key:
-            self._laid, self._laid_as = [self._lay(s, camera) for s in self._document.active], key
-        return self._laid
-
-    def _lay(self, stroke: Stroke, camera: Camera) -> _Marks:
+    def _marks(self, camera: Camera) -> list[Marks]:
+        """The strokes on the picture; those that are new, or all where the camera moved, are laid."""
         shot = self._document.shot
         assert shot is not None
-        s = stroke.seen_from(shot.scene.origin)
-        at, _ = project_points(camera, s.points, self._aspect)
-        side, _ = project_points(camera, s.points + camera.world_from_camera[:3, 0], self._aspect)
-        pixels = at * [self.width(), self.height()]
-        radius = 0.5 * s.widths * np.abs(side[:, 0] - at[:, 0]) * self.width()
-        cuts = np.cumsum(s.counts)[:-1]
-        outline = QPainterPath()
-        outline.setFillRule(Qt.FillRule.WindingFill)
-        for curve, radii in zip(np.split(pixels, cuts), np.split(radius, cuts)):
-            if np.isfinite(curve).all() and np.isfinite(radii).all():
-                outline.addPath(_swept(curve, radii))
-        return _Marks(s, outline.simplified())
+        key = (id(camera), id(shot), self.width(), self.height())
+        known = self._laid if key == self._laid_as else {}
+        size = self.width(), self.height()
+        self._laid = {
+            id(s): known[id(s)] if id(s) in known and known[id(s)].stroke is s else lay(s, shot, camera, size)
+            for s in self._document.active
+        }
+        self._laid_as = key
+        return list(self._laid.values())
 
-    def _draw_stroke(self, painter: QPainter, marks: _Marks) -> None:
-        is_raw = self._easel.drawn == "paint"
-        color = self._shown(marks.stroke.colors.mean(0)) if is_raw else QColor(0, 0, 0, 0)
-        if is_raw:
-            painter.fillPath(marks.outline, color)
-        painter.setBrush(Qt.BrushStyle.NoBrush)
-        for pen in (QPen(DARK, 2.6), QPen(LIGHT, 1.0)):
-            painter.setPen(pen)
-            painter.drawPath(marks.outline)
+    def _paint_of(self, marks: Marks) -> QColor | None:
+        if self._easel.drawn != "paint" or marks.stroke.tool == "fixate":
+            return None
+        return self._shown(marks.stroke.colors.mean(0))
 
     def _draw_path(self, painter: QPainter, path: PenPath) -> None:
+        """The stroke as it is painted, raw."""
         brush = self._easel.brush
         places = np.array(path.places) * [self.width(), self.height(), 1]
-        radius = brush.radius * self.height()
-        color = self._shown(np.array(brush.color))
-        pen = QPen(color, 2 * radius, Qt.PenStyle.SolidLine, Qt.PenCapStyle.RoundCap, Qt.PenJoinStyle.RoundJoin)
-        for a, b in pairwise(places):
-            pen.setWidthF(2 * radius * (max(float(b[2]), 0.1) if brush.uses_pressure else 1.0))
+        share = np.maximum(places[:, 2], LEAST_PRESSURE) if brush.uses_pressure else np.ones(len(places))
+        widths = 2 * brush.radius * self.height() * share
+        pen = QPen(self._raw_color(), 1, Qt.PenStyle.SolidLine, Qt.PenCapStyle.RoundCap, Qt.PenJoinStyle.RoundJoin)
+        dots = [*pairwise(places[:, :2]), (places[-1, :2], places[-1, :2] + [0.01, 0])]
+        for (a, b), width in zip(dots, (*widths[1:], widths[-1])):
+            pen.setWidthF(float(width))
             painter.setPen(pen)
-            painter.drawLine(QPointF(a[0], a[1]), QPointF(b[0], b[1]))
-        if len(places) == 1:
-            painter.setPen(Qt.PenStyle.NoPen)
-            painter.setBrush(color)
-            r = radius * (max(float(places[0, 2]), 0.1) if brush.uses_pressure else 1.0)
-            painter.drawEllipse(QPointF(places[0, 0], places[0, 1]), r, r)
+            painter.drawLine(QPointF(*a), QPointF(*b))
+
+    def _raw_color(self) -> QColor:
+        """Of the brush on the screen; tools without a colour are drawn in a veil."""
+        veils = {
+            "brighten": QColor(255, 255, 255, 110), "darken": QColor(0, 0, 0, 110), "blur": QColor(150, 170, 200, 110),
+            "sharpen": QColor(230, 210, 150, 110), "fixate": QColor(90, 90, 90, 140),
+            "clone": QColor(150, 200, 160, 120),
+        }  # fmt: skip
+        tool = self._easel.brush.tool
+        return veils[tool] if tool in veils else self._shown(np.array(self._easel.brush.color))
 
     def _shown(self, linear: NDArray) -> QColor:
         shot = self._document.shot
         assert shot is not None
-        color = color_of(shot.scene.ocio or None, shot.scene.working_space)
-        codes = display_codes(np.asarray(linear, np.float32)[None, None], self._easel.display, color)
-        return QColor(*(int(c) for c in codes[0, 0]))
+        r, g, b = (float(c) for c in shown_colors(linear, self._easel.display, shot_color(shot))[0])
+        return QColor.fromRgbF(r, g, b)
 
     # ── the brush, and the film's frame ────────────────────────────────────────────────────────
 
@@ -158,6 +163,7 @@ class Overlay(QWidget):
                 painter.drawEllipse(QPointF(*at), radius, radius)
             else:
                 painter.drawPolygon([QPointF(x, y) for x, y in ring])
+        painter.drawPoint(QPointF(*at))
 
     def _ring(self, camera: Camera) -> NDArray | None:
         seen = self._seen
@@ -168,41 +174,29 @@ class Overlay(QWidget):
         radius = self._easel.brush.radius / max(abs(float(above[0, 1] - here[0, 1])), 1e-9)
         normal = seen.normal.astype(np.float64)
         across = np.cross(normal, [1.0, 0, 0] if abs(normal[0]) < 0.7 else [0, 1.0, 0])
-        across /= np.linalg.norm(across)
+        across /= max(float(np.linalg.norm(across)), 1e-12)
         angle = np.linspace(0, 2 * np.pi, RING, endpoint=False)[:, None]
         points = seen.point + radius * (np.cos(angle) * across + np.sin(angle) * np.cross(normal, across))
         ring, _ = project_points(camera, points, self._aspect)
         return ring * [self.width(), self.height()] if np.isfinite(ring).all() else None
+
+    def _draw_source(self, painter: QPainter, camera: Camera) -> None:
+        """Where tool clone copies from."""
+        source = self._easel.brush.clone_source
+        if source is not None:
+            at, _ = project_points(camera, np.array([source]), self._aspect)
+            if np.isfinite(at).all():
+                draw_cross(painter, QPointF(at[0, 0] * self.width(), at[0, 1] * self.height()))
 
     def _draw_gate(self, painter: QPainter, camera: Camera) -> None:
         """The frame of the film; what lies outside it is dimmed."""
         w, h, aspect = self.width(), self.height(), film_aspect(camera)
         wide, high = min(w, h * aspect), min(h, w / aspect)
         gate = QRectF((w - wide) / 2, (h - high) / 2, wide, high)
-        outside = QPainterPath()
+        outside, inside = QPainterPath(), QPainterPath()
         outside.addRect(QRectF(self.rect()))
-        inside = QPainterPath()
         inside.addRect(gate)
         painter.fillPath(outside - inside, QColor(0, 0, 0, 130))
         painter.setPen(QPen(LIGHT, 1))
         painter.setBrush(Qt.BrushStyle.NoBrush)
         painter.drawRect(gate)
-
-
-def _swept(curve: NDArray, radii: NDArray) -> QPainterPath:
-    """What a disk covers that moves along a curve."""
-    path = QPainterPath()
-    path.setFillRule(Qt.FillRule.WindingFill)
-    for (x, y), r in zip(curve, radii):
-        path.addEllipse(QPointF(x, y), r, r)
-    for (a, b), r in zip(pairwise(curve), np.minimum(radii[:-1], radii[1:])):
-        along = b - a
-        length = float(np.hypot(*along))
-        if length > 1e-6:
-            side = np.array([-along[1], along[0]]) / length * r
-            corners = [a + side, b + side, b - side, a - side]
-            path.moveTo(QPointF(*corners[0]))
-            for corner in corners[1:]:
-                path.lineTo(QPointF(*corner))
-            path.closeSubpath()
-    return path

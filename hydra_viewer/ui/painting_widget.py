@@ -11,11 +11,12 @@ from PySide6.QtWidgets import QVBoxLayout, QWidget
 from hydra_viewer.model.document import Document, Files
 from hydra_viewer.model.easel import Easel
 from hydra_viewer.model.navigation import bounds_under, framed, view_of
+from hydra_viewer.model.work import Opened, preparing
 from hydra_viewer.ui.canvas import Canvas
 from hydra_viewer.ui.live_viewport import LIVE
 from hydra_viewer.ui.solving import Solving
 from hydra_viewer.ui.viewport import ViewportKind
-from hydra_viewer.ui.worker import Worker
+from hydra_viewer.ui.worker import Job, Worker
 from usdslf import Shot, Stroke
 
 
@@ -48,7 +49,7 @@ class PaintingWidget(QWidget):
         """
         super().__init__(parent)
         self.document, self.easel, self.worker = Document(), Easel(), Worker(self)
-        self.canvas = Canvas(self.document, self.easel, viewport, self)
+        self.canvas = Canvas(self.document, self.easel, self.worker, viewport, self)
         self.solving = Solving(self.document, self.worker, self)
         self.canvas.failed.connect(self.failed)
         self.canvas.noted.connect(self.noted)
@@ -59,20 +60,16 @@ class PaintingWidget(QWidget):
         layout.addWidget(self.canvas)
         self.setFocusProxy(self.canvas)
         if shot is not None:
-            self.show_shot(shot, Files(shot.path), strokes)
+            steps = lambda: preparing(shot, Files(shot.path), tuple(strokes))  # noqa: E731
+            self.worker.start(Job("open", steps, self.show_shot, lambda words, _: self.failed.emit(words)))
 
-    def show_shot(self, shot: Shot, files: Files, strokes: Sequence[Stroke] = (), is_saved: bool = True) -> None:
-        """Takes a shot in, looked at through its first camera.
-
-        Args:
-            shot: with what pictures need made.
-            files: of it.
-            strokes: on it.
-            is_saved: the strokes are those of the file.
-        """
+    def show_shot(self, opened: Opened) -> None:
+        """Takes a shot in, looked at through its first camera."""
         self.worker.cancel()
-        self.document.open(shot, files, strokes, is_saved)
+        self.document.open(opened.shot, opened.files, opened.strokes, opened.prims)
         self.look_through(None)
+        if opened.look is not None:
+            self.document.take_found(opened.look)
 
     def look_through(self, camera: str | None) -> None:
         """Looks through a camera of the shot, by its path; None: the first one, or one that sees everything."""
@@ -82,9 +79,16 @@ class PaintingWidget(QWidget):
 
     def frame_selected(self) -> None:
         """Looks at what is selected, or at everything, from where the camera is."""
+        self._frame(self.document.selected)
+
+    def frame_all(self) -> None:
+        """Looks at everything, from where the camera is."""
+        self._frame("")
+
+    def _frame(self, path: str) -> None:
         shot, view = self.document.shot, self.easel.view
         if shot is not None and view is not None:
-            self.easel.look_from(framed(view, bounds_under(shot.scene, self.document.selected)))
+            self.easel.look_from(framed(view, bounds_under(shot.scene, path)))
 
     def stop(self) -> None:
         """Ends all work; nothing is called afterwards."""

@@ -33,11 +33,6 @@ class Solving(QObject):
         document.strokes_changed.connect(self.solve)
         document.shot_changed.connect(lambda: worker.cancel(KIND))
 
-    @property
-    def is_under_way(self) -> bool:
-        """Whether something is looked for."""
-        return self._worker.is_doing(KIND)
-
     def solve(self) -> None:
         """Finds what the active strokes ask for, in place of what is being found."""
         document, shot, strokes = self._document, self._document.shot, self._document.active
@@ -50,6 +45,11 @@ class Solving(QObject):
             return
         folder = Path(self._folder.name)
         self._worker.start(Job(KIND, lambda: finding(shot, strokes, folder), self._take, self._fail, self._take))
+
+    def solve_again(self) -> None:
+        """Finds anew what the strokes ask for, also where that was found already."""
+        self._document.found = None
+        self.solve()
 
     def stop(self) -> None:
         """Removes the looks that were only looked at."""

@@ -10,6 +10,7 @@ NO_SHOT = "No shot is open"
 FILE, EDIT, VIEW, CAMERA, PAINT, HELP = "&File", "&Edit", "&View", "&Camera", "&Paint", "&Help"
 OPEN = ("&Open shot …", "Open a USD stage; it is never written to")
 OPEN_STROKES = ("Open &strokes …", "Put the strokes of a stroke layer on the shot")
+RELOAD_SHOT = ("&Reload", "Read the shot anew from the disk; strokes stay")
 SAVE = ("&Save", "Write the strokes and the look layer")
 SAVE_AS = ("Save &as …", "Write the strokes and the look to other files")
 QUIT = ("&Quit", "Leave; what is not saved is asked about")
@@ -75,3 +76,119 @@ CLOSE_BAR = "Close"
 CANCEL_BUTTON = "Cancel"
 STAGE_PANEL, BRUSH_PANEL, FOUND_PANEL = "Stage", "Brush", "Understood"
 CHOOSE_STROKES, CHOOSE_LOOK = "Where the strokes go", "Where the look goes"
+
+# The panel Brush.
+SIZE, STRENGTH = "Size", "Strength"
+PRESSURE = ("Pen pressure sets the width", "A pen that presses less paints narrower")
+PICK_SQUARE, PICK_HUE = "Saturation and value, as the screen shows them; arrow keys", "Hue; arrow keys"
+PICK_HEX = "Code value of the screen, #rrggbb"
+TOOLS = {
+    "replace": ("Replace", "Paint the colour that the surface should show"),
+    "clone": ("Clone", "Paint the look of another place; Ctrl+click takes it"),
+    "brighten": ("Brighten", "More light comes from here, by strength"),
+    "darken": ("Darken", "Less light comes from here, by strength"),
+    "blur": ("Blur", "Softer highlights and reflections"),
+    "sharpen": ("Sharpen", "Crisper highlights and reflections"),
+    "fixate": ("Fixate", "The material here stays as it is, whatever else is painted"),
+}
+TOOL_KEYS = {
+    "replace": "R", "clone": "C", "brighten": "H", "darken": "D", "blur": "U", "sharpen": "P", "fixate": "X",
+}  # fmt: skip
+HINTS = {
+    "clone": "Ctrl+click where the look is to come from, then paint.",
+    "fixate": "What is painted is locked: no change may touch it.",
+}
+CHOICES = {
+    "mode": ("Mode", "Whether what is painted changes, or what its light comes from"),
+    "scope": ("Scope", "How far the change may spread"),
+    "norm": ("Change", "How many of diffuse, specular and glossiness may change"),
+    "space": ("Colour is", "What the colour means"),
+}
+VALUES = {
+    "direct": ("Direct", "What is painted changes"),
+    "indirect": ("Indirect", "What is painted stays; what its light comes from changes"),
+    "stroke": ("The faces painted", ""),
+    "prim": ("The gprim", ""),
+    "material": ("The material", "All that shows the material"),
+    "similar": ("Similar materials too", ""),
+    "mixed": ("As few as it takes", ""),
+    "l0": ("One alone", ""),
+    "l2": ("All at once", ""),
+    "scene": ("Light as seen", "Scene-linear radiance of the surface as it is seen"),
+    "reflectance": ("Albedo", "An albedo-like colour, lit as the surface is"),
+}
+
+
+def scene_linear(color: tuple[float, float, float]) -> str:
+    """Returns a colour's numbers."""
+    return "scene-linear  " + "  ".join(f"{c:.3f}" for c in color)
+
+
+# The bar above the picture.
+POINTERS = {
+    "select": ("Select", "Click on a surface to select its gprim"),
+    "paint": ("Paint", "Paint a stroke; Shift: a straight line; B and drag: the brush's size"),
+    "eyedropper": ("Eyedropper", "Take a colour of the picture, scene-linear; Ctrl+click does it too"),
+}
+POINTER_KEYS = {"select": "Q", "paint": "W", "eyedropper": "I"}
+CAMERA_TIP = "What is looked through; Alt and the mouse leave it for a free camera"
+FREE_CAMERA, OVERVIEW = "Free camera", "Overview"
+GATE = ("Film &gate", "Dim what lies outside the film of the camera")
+DRAWN = {"outline": "Strokes outlined", "paint": "Strokes as painted", "hidden": "Strokes hidden"}
+DRAWN_TIP = "How strokes are drawn over the picture"
+EXPOSURE = ("Exposure", "Stops, before the view; nothing that is saved changes")
+GAMMA = ("Gamma", "Exponent after the view; nothing that is saved changes")
+FRAME_ALL = ("Frame &all", "Look at everything")
+THROUGH = ("Look through the first &camera", "Back to the shot's own camera")
+WIDER = ("&Wider brush", "")
+NARROWER = ("&Narrower brush", "")
+NEXT_DRAWN = ("Show &strokes otherwise", "Outlined, as painted, hidden")
+SEARCH = "Search prims by name, type or path"
+COLUMNS = ("Prim", "Type")
+
+
+def shows_material(path: str) -> str:
+    """Returns which material a prim shows."""
+    return f"shows {path}"
+
+
+# The timeline.
+PLAY, PLAY_KEY = ("&Play", "Frames that are late are left out"), "Space"
+FRAME_TIP = "The frame that is shown"
+
+
+def frames(first: float, last: float, per_second: float) -> str:
+    """Returns the frames of a shot."""
+    return f"{first:g} to {last:g}, {per_second:g} a second"
+
+
+# The cheat sheet.
+KEYS = ("&Keys and mouse", "All shortcuts in one window")
+MOUSE = "Mouse and pen"
+GESTURES = (
+    ("Alt + left", "Orbit"),
+    ("Alt + middle, middle", "Pan"),
+    ("Alt + right, wheel", "Dolly"),
+    ("Left", "Paint, select or take a colour"),
+    ("Shift + left", "Paint a straight line"),
+    ("B + left", "Change the brush's size"),
+    ("Ctrl + left", "Take a colour; with Clone: its source"),
+    ("Esc", "Give up the stroke under way"),
+)
+
+# Questions.
+NOT_SAVED = "Strokes of this shot are not saved."
+NOT_SAVED_MORE = "Save them before going on?"
+RECOVER, DISCARD, RELOAD, LATER = "Recover", "Discard", "Reload", "Later"
+STAGE_CHANGED = "The shot has changed on the disk. Reload it and put the strokes on it again?"
+
+
+def found_unsaved(count: int, at: str) -> str:
+    """Returns what is asked where an earlier session did not end well."""
+    many = "1 stroke was" if count == 1 else f"{count} strokes were"
+    return f"{many} painted until {at} and not saved. Recover?"
+
+
+def recovery() -> str:
+    """Returns the name of the step of undo that a recovery is."""
+    return "recovery"

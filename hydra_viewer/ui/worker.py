@@ -27,6 +27,8 @@ class Job:
         kind: one job of a kind runs at a time.
         steps: makes its generator, on the worker's thread.
         part, done, failed: told what is whole already, the result, or a sentence and the error; on the main thread.
+        is_quiet: it is too short to be told of.
+        is_alone: it cancels all others, and begins when they have ended.
     """
 
     kind: str
@@ -34,6 +36,8 @@ class Job:
     done: Callable[[Any], None]
     failed: Callable[[str, BaseException], None]
     part: Callable[[Any], None] = lambda part: None
+    is_quiet: bool = False
+    is_alone: bool = False
     is_cancelled: threading.Event = field(default_factory=threading.Event)
 
 
@@ -58,22 +62,19 @@ class Worker(QObject):
     @property
     def is_idle(self) -> bool:
         """Whether nothing is done."""
-        return not self._jobs
-
-    def is_doing(self, kind: str) -> bool:
-        """Whether a job of a kind is under way."""
-        return kind in self._jobs
+        return all(job.is_quiet for job in self._jobs.values())
 
     def start(self, job: Job) -> None:
         """Begins a job; one of the same kind is cancelled, and tells nothing any more."""
-        self.cancel(job.kind)
+        self.cancel("" if job.is_alone else job.kind)
         was_idle = self.is_idle
         self._jobs[job.kind] = job
         self._threads = [t for t in self._threads if t.is_alive()]
-        thread = threading.Thread(target=self._run, args=(job,), name=f"viewer-{job.kind}", daemon=True)
+        before = list(self._threads) if job.is_alone else []
+        thread = threading.Thread(target=self._run, args=(job, before), name=f"viewer-{job.kind}", daemon=True)
         self._threads.append(thread)
         thread.start()
-        if was_idle:
+        if was_idle and not self.is_idle:
             self.idle_changed.emit(False)
 
     def cancel(self, kind: str = "") -> None:
@@ -81,7 +82,7 @@ class Worker(QObject):
         for job in [j for j in self._jobs.values() if kind in ("", j.kind)]:
             job.is_cancelled.set()
             del self._jobs[job.kind]
-            if self.is_idle:
+            if self.is_idle and not job.is_quiet:
                 self.idle_changed.emit(True)
 
     def stop(self) -> None:
@@ -90,8 +91,10 @@ class Worker(QObject):
         for thread in self._threads:
             thread.join(timeout=10)
 
-    def _run(self, job: Job) -> None:
+    def _run(self, job: Job, before: list[threading.Thread]) -> None:
         """On the job's own thread."""
+        for thread in before:
+            thread.join()
         steps = job.steps()
         try:
             while not job.is_cancelled.is_set():
@@ -111,7 +114,8 @@ class Worker(QObject):
         if self._jobs.get(job.kind) is not job:
             return  # it was cancelled meanwhile
         if what == "progress":
-            self.progressed.emit(value.step, value.share)
+            if not job.is_quiet:
+                self.progressed.emit(value.step, value.share)
             return
         if what == "part":
             job.part(value)
@@ -121,5 +125,5 @@ class Worker(QObject):
             job.done(value)
         elif what == "failed":
             job.failed(str(value) if isinstance(value, UsdslfError) else words.internal(value), value)
-        if self.is_idle:
+        if self.is_idle and not job.is_quiet:
             self.idle_changed.emit(True)

@@ -57,6 +57,10 @@ def look_around(session: usdslf.Session) -> dict[str, tuple[float, float, float]
     if seen is not None:
         at, _ = usdslf.project_points(camera, seen.point[None], aspect)
         print(seen.path, at, usdslf.camera_rays(camera, at, aspect).direction, color.display(seen.normal))
+    everything: usdslf.Seen = usdslf.seen_prims(shot, camera, (32, 18))
+    print(everything.mesh.max(), usdslf.are_seen(shot, camera, np.zeros((1, 3)), aspect))
+    print(usdslf.stage_files(shot.stage))
+    usdslf.reload_stage(shot.source)
     rows: list[usdslf.PrimRow] = usdslf.stage_prims(shot.stage)
     frames: usdslf.FrameRange | None = usdslf.frame_range(shot.stage)
     print(len(rows), frames.last if frames else None, usdslf.frame_of(session.strokes, None, []))

@@ -1,4 +1,4 @@
-"""Prims: the tree of a composed stage, as rows for who looks for something in it."""
+"""Prims: the tree of a composed stage, as rows for who looks for something in it; its frames and its files."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from pxr import Usd, UsdGeom
 
 from usdslf.usd.binding import bound_material
 from usdslf.usd.border import quiet_usd
+from usdslf.usd.shot_metadata import shot_files
 
 
 @dataclass(frozen=True)
@@ -86,3 +87,22 @@ def frame_range(stage: Any) -> FrameRange | None:
     if not (math.isfinite(first) and math.isfinite(last) and last > first):
         return None
     return FrameRange(first, last, per_second)
+
+
+def stage_files(stage: Any) -> list[str]:
+    """Returns the files of all layers of a stage, sorted.
+
+    Args:
+        stage: Usd.Stage.
+    """
+    return sorted(str(path) for path in shot_files(stage))
+
+
+def reload_stage(stage: Any) -> None:
+    """Reads all layers of a stage again that have changed on the disk.
+
+    Args:
+        stage: Usd.Stage; all that shares its layers changes with it, so nothing else may be reading them.
+    """
+    with quiet_usd():
+        stage.Reload()

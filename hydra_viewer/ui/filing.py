@@ -1,0 +1,147 @@
+"""Filing: opens, saves, recovers and reloads; asks before unsaved work is lost."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from PySide6.QtCore import QObject
+from PySide6.QtWidgets import QFileDialog, QMessageBox, QWidget
+
+from hydra_viewer.model.autosave import Autosave, Recovered
+from hydra_viewer.model.document import Files
+from hydra_viewer.model.work import Opened, opening, reopening, saving
+from hydra_viewer.ui import words
+from hydra_viewer.ui.bars import MessageBar
+from hydra_viewer.ui.painting_widget import PaintingWidget
+from hydra_viewer.ui.watching import Watching
+from hydra_viewer.ui.worker import Job
+
+Answer = QMessageBox.StandardButton
+
+
+class Filing(QObject):
+    """The files of a window's document."""
+
+    def __init__(self, painting: PaintingWidget, bar: MessageBar, options: dict[str, Any], window: QWidget) -> None:
+        super().__init__(window)
+        self._painting, self._bar, self._options, self._window = painting, bar, options, window
+        self._document, self._worker = painting.document, painting.worker
+        self.autosave, self._watching = Autosave(self._document), Watching(self)
+        self._watching.changed.connect(self._on_stage_changed)
+
+    # ── open ───────────────────────────────────────────────────────────────────────────────────
+
+    def open(self, files: Files) -> None:
+        """Opens a shot, and strokes on it, on the worker; asks about what is not saved first."""
+        if self.may_leave():
+            self._worker.start(Job("open", lambda: opening(files, self._options), self._take, self._fail))
+
+    def reload(self) -> None:
+        """Reads the shot anew from the disk; strokes stay, and are put on it again."""
+        shot, files = self._document.shot, self._document.files
+        if shot is not None:
+            steps = lambda: reopening(shot, files, self._options)  # noqa: E731
+            self._worker.start(Job("open", steps, self._take_again, self._fail, is_alone=True))
+
+    def _take(self, opened: Opened) -> None:
+        self._bar.hide()
+        self.autosave.pause()
+        self._painting.show_shot(opened)
+        self.autosave.begin()
+        self._watching.watch(opened.layers)
+        if opened.left is not None:
+            self._offer(opened.left)
+        elif opened.warnings:
+            self._bar.say(opened.warnings[0], is_error=False)
+
+    def _take_again(self, opened: Opened) -> None:
+        self._document.take_shot(opened.shot, None, opened.prims)
+        self._watching.watch(opened.layers)
+        self._painting.solving.solve()
+
+    def _offer(self, left: Recovered) -> None:
+        at = time.strftime("%H:%M, %d %B", time.localtime(left.kept_at))
+        document = self._document
+        self._bar.say(
+            words.found_unsaved(len(left.strokes), at),
+            is_error=False,
+            answers={
+                words.RECOVER: lambda: document.change_strokes(words.recovery(), left.strokes),
+                words.DISCARD: self.autosave.forget,
+            },
+        )
+
+    def _on_stage_changed(self) -> None:
+        self._bar.say(words.STAGE_CHANGED, is_error=False, answers={words.RELOAD: self.reload})
+
+    def _fail(self, sentence: str, error: BaseException) -> None:
+        self._bar.say(sentence)
+
+    # ── save ───────────────────────────────────────────────────────────────────────────────────
+
+    def save(self) -> None:
+        """Writes strokes and look, on the worker; asks for names where there are none."""
+        document = self._document
+        if document.shot is not None and document.files.strokes:
+            self._save_to(document.files)
+        elif document.shot is not None:
+            self.save_as()
+
+    def save_as(self) -> None:
+        """Asks where strokes and look go, and writes them."""
+        files = self._document.files
+        beside = Path(files.stage or "shot.usda")
+        strokes = self._ask_name(words.CHOOSE_STROKES, files.strokes or str(beside.with_name("strokes.usda")))
+        if strokes:
+            look = self._ask_name(words.CHOOSE_LOOK, files.look or str(Path(strokes).with_name("look.usda")))
+            if look:
+                self._save_to(replace(files, strokes=strokes, look=look))
+
+    def _save_to(self, files: Files) -> None:
+        document = self._document
+        shot, found, strokes = document.shot, document.found, document.strokes
+        assert shot is not None
+
+        def done(files: Files) -> None:
+            self.autosave.forget()
+            document.mark_saved(files, strokes)
+
+        self._worker.start(Job("save", lambda: saving(shot, found, strokes, files), done, self._fail))
+
+    def may_leave(self) -> bool:
+        """Asks about strokes that are not saved; returns whether they may be lost, or are being saved no more."""
+        if self._document.is_saved or self._document.shot is None:
+            return True
+        asked = QMessageBox(QMessageBox.Icon.Question, words.TITLE, words.NOT_SAVED, parent=self._window)
+        asked.setInformativeText(words.NOT_SAVED_MORE)
+        asked.setStandardButtons(Answer.Save | Answer.Discard | Answer.Cancel)
+        asked.setDefaultButton(Answer.Save)
+        answer = Answer(asked.exec())
+        if answer == Answer.Save:
+            self.save()
+            return False
+        if answer == Answer.Discard:
+            self.autosave.forget()
+            return True
+        return False
+
+    # ── names ──────────────────────────────────────────────────────────────────────────────────
+
+    def ask_stage(self) -> None:
+        """Asks for a shot, and opens it."""
+        name, _ = QFileDialog.getOpenFileName(self._window, words.OPEN[0], "", words.USD_FILES)
+        if name:
+            self.open(Files(name))
+
+    def ask_strokes(self) -> None:
+        """Asks for a stroke layer, and opens the shot with it."""
+        name, _ = QFileDialog.getOpenFileName(self._window, words.OPEN_STROKES[0], "", words.USD_FILES)
+        if name and self._document.files.stage:
+            self.open(replace(self._document.files, strokes=name))
+
+    def _ask_name(self, title: str, proposed: str) -> str:
+        name, _ = QFileDialog.getSaveFileName(self._window, title, proposed, words.USD_FILES)
+        return name
