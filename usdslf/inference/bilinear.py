@@ -8,7 +8,7 @@ Source: Nguyen et al. 2013, 5.3 (Eqs. 3 to 6), pooled over the stroke.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -94,6 +94,7 @@ class Tables:
     most_diffuse: float = 1.0  # that the material can reflect: its opacity, where it is seen through
     must_hold_energy: bool = False  # d + F0 <= 1 is for the fit to keep
     colored: Colored = Colored.FREE  # what a coloured specular colour takes of the material, where it is no metal
+    noise: F64 = field(default_factory=lambda: np.zeros((1, 3)))  # (n, 3) standard error of `before`, by its points
 
     @property
     def own(self) -> int:
@@ -144,6 +145,7 @@ class _Rows:
     diffuse: F64
     f0: F64
     f90: F64
+    noise: F64
 
 
 def pool_tables(evidences: list[Evidence], material: int, model: str = "preview_surface") -> Tables:
@@ -188,6 +190,7 @@ def pool_tables(evidences: list[Evidence], material: int, model: str = "preview_
         is_textured_roughness=bool(cat("varied").any()),
         most_diffuse=float(np.clip(cat("opacity").min(), 0, 1)),
         must_hold_energy=not model_of(model).has_fresnel,
+        noise=cat("noise"),
     )
 
 
@@ -224,7 +227,14 @@ def _rows_of(e: Evidence, material: int, index: int, model: str) -> _Rows:
         diffuse=mean(d),
         f0=mean(f0),
         f90=mean(f90),
+        noise=np.sqrt(_variances_of_means(b.p[:, -1], e.dab_of_sample)[:n][here]),
     )
+
+
+def _variances_of_means(values: F64, group: NDArray) -> F64:
+    """Variances of the means of rows by group, for every group: what one point is off says how far their mean is."""
+    spread = mean_by((values - mean_by(values, group)[group]) ** 2, group)
+    return spread / np.maximum(np.bincount(group), 1)[:, None]
 
 
 def swatches(colors: F64, is_even: bool) -> NDArray[np.int64]:

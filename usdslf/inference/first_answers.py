@@ -23,9 +23,10 @@ from usdslf.inference.candidate import Candidate
 from usdslf.inference.evidence import Evidence
 from usdslf.inference.fit import Problem
 from usdslf.inference.pools import fixed_materials, pool_names
-from usdslf.inference.refits import means_if_chosen, refit_answer
+from usdslf.inference.refits import is_painted, means_if_chosen, refit_answer
 from usdslf.inference.solve import enumerate_candidates, relative_error
 from usdslf.inference.tools import expected_error
+from usdslf.inference.unchanged import by_own_errors, may_be_unchanged
 from usdslf.inference.varying import VaryingAnswer, as_spread, asks_to_vary, places_of_dabs, varying_answers
 from usdslf.inference.weights import Options
 from usdslf.light_field.light_field import LightField
@@ -82,12 +83,15 @@ def _first_answer(pool: Pool, evidence: list[Evidence], painted: list[Painted], 
     options = replace(ask.options, norm=norms.pop()) if len(norms) == 1 else ask.options
     options = replace(options, dab_error=max(options.dab_error, expected_error([e.stroke for e in mine])))
     candidates = enumerate_candidates(tables, options)
+    is_copied = options.norm != "l2" and options.factors is None and is_painted(mine) and may_be_unchanged(tables)
+    if is_copied:
+        candidates = by_own_errors(tables, options, candidates)
     if pool.is_held:
         candidates = [c for c in candidates if not c.freed]
     wanted = [ask.choose.get(e.stroke.name) or e.stroke.choice for e in mine]
     wanted = [w for w in wanted if w and not pool.is_held]
     varied: list[VaryingAnswer] = []
-    if not pool.is_held and options.norm == "mixed":
+    if not (pool.is_held or is_copied) and options.norm == "mixed":
         constant = None if wanted else candidates[0]
         varied = _storable(pool, tables, options, constant, mine, ask)
     chosen, varying = candidates[0], None
