@@ -35,11 +35,11 @@ from usdslf.scene.records import F64
 
 SIZES_ALIKE, SIZES_OWN = np.geomspace(1e-4, 4.0, 19), np.geomspace(1e-3, 4.0, 19)  # of a and b that are tried
 USUAL, SPREAD = (0.03, 0.03), 1.5  # middle and width (natural logarithm) of what a and b are where the dabs are few
+USUAL_OF_SWATCHES = (0.01, 0.06)  # the same where all dabs have one of few colours, which was mixed with care
 TOGETHER = 0.6  # correlation of both: who is careless with dabs is so with the stroke
 ROUGH = 0.7  # of the inverse length of drift, which the exponential needs to be as smooth near by
 SURE = 0.01  # relative error that all dabs may share, and twice that which each has: the light field's own
-SLACK = 1.4  # by which the variance of single dabs grows, as t's scale is less than its width
-OF_SWATCH = 0.25  # of the variance of what a swatch shows (natural logarithms) that its mean is uncertain by
+OF_SWATCH = 0.8  # of the variance of what a swatch shows (natural logarithms) that its mean is uncertain by
 DEGREES = 2.0  # of freedom of Student's t
 ROUNDS = 3
 COLOR_GAIN = 16.0  # misfit for which a grey specular change becomes coloured; grey paint gains 9 at most
@@ -198,9 +198,10 @@ def paint_errors(t: Tables, o: Options, c: Candidate, trust: F64 | None = None) 
     explained = own[:, None] * np.concatenate([columns, whole], 1)
     held = np.tile(held_channels(t, c), len(one))  # what they leave says how far the paint is from what can be
     rows = np.flatnonzero(~held)
-    a, b = _sizes((own * residual)[rows], explained[rows], (own[:, None] * alike * own)[np.ix_(rows, rows)])
+    usual = USUAL_OF_SWATCHES if (t.swatch >= 0).all() else USUAL
+    a, b = _sizes((own * residual)[rows], explained[rows], (own[:, None] * alike * own)[np.ix_(rows, rows)], usual)
     b = max(b, (2 * SURE / o.dab_error) ** 2)
-    single = SLACK * b / own**2 + _of_swatch_means(t, c, together).reshape(-1)
+    single = b / own**2 + _of_swatch_means(t, c, together).reshape(-1)
     covariance = a * alike + SURE**2 * by_channel(same) + np.diag(single + UNSAID**2 * held)
     return PaintErrors(together, a, b, trust, covariance)
 
@@ -240,8 +241,12 @@ def _shared(t: Tables, o: Options) -> tuple[F64, F64]:
     return o.drift_error**2 * 0.5 * (drift + drift.T), same
 
 
-def _sizes(y: F64, explained: F64, alike: F64) -> tuple[float, float]:
-    """Sizes a and b of errors a `alike` + b I in y (k,), of which columns (k, p) may explain anything."""
+def _sizes(y: F64, explained: F64, alike: F64, usual: tuple[float, float]) -> tuple[float, float]:
+    """Sizes a and b of errors a `alike` + b I in y (k,), of which columns (k, p) may explain anything.
+
+    Args:
+        usual: middle of what a and b are where y says little.
+    """
     if len(y) > 3 * MOST_GROUPS:
         some = np.linspace(0, len(y) // 3 - 1, MOST_GROUPS).round().astype(int)
         rows = (3 * some[:, None] + np.arange(3)).reshape(-1)
@@ -254,7 +259,7 @@ def _sizes(y: F64, explained: F64, alike: F64) -> tuple[float, float]:
     a, b = (x.reshape(-1, 1) for x in np.meshgrid(SIZES_ALIKE, SIZES_OWN, indexing="ij"))
     variance = a * np.maximum(size, 0) + b
     log = -0.5 * (np.log(variance) + seen / variance).sum(1, keepdims=True)
-    of_a, of_b = np.log(a / USUAL[0]) / SPREAD, np.log(b / USUAL[1]) / SPREAD
+    of_a, of_b = np.log(a / usual[0]) / SPREAD, np.log(b / usual[1]) / SPREAD
     log -= 0.5 * (of_a**2 + of_b**2 - 2 * TOGETHER * of_a * of_b) / (1 - TOGETHER**2)
     chance = np.exp(log - log.max())
     chance /= chance.sum()
