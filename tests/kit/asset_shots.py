@@ -81,7 +81,9 @@ SHOTS = {
 }  # fmt: skip
 
 
-def build_shot(shot: Shot, assets: Path, folder: Path, changes: dict[str, Any] | None = None) -> Path:
+def build_shot(
+    shot: Shot, assets: Path, folder: Path, changes: dict[str, Any] | None = None, copy: str = ""
+) -> Path:
     """Writes the stage of a shot and returns its path.
 
     Args:
@@ -89,11 +91,12 @@ def build_shot(shot: Shot, assets: Path, folder: Path, changes: dict[str, Any] |
       assets: folder of the assets.
       folder: where the stage is written.
       changes: value of each attribute path of the asset that is overridden.
+      copy: path of the copy that alone is overridden, no instance any more; "": all.
     """
     folder.mkdir(parents=True, exist_ok=True)
     asset = assets / shot.asset
     inner = folder / "asset.usda"
-    _over_asset(inner, asset, shot, changes or {})
+    _over_asset(inner, asset, shot, {} if copy else changes or {})
     stage = Usd.Stage.CreateNew(str(folder / "stage.usda"))
     source = Usd.Stage.Open(str(inner))
     UsdGeom.SetStageUpAxis(stage, UsdGeom.GetStageUpAxis(source))
@@ -111,6 +114,10 @@ def build_shot(shot: Shot, assets: Path, folder: Path, changes: dict[str, Any] |
             copy.GetPrim().SetInstanceable(True)
     else:
         stage.GetRootLayer().subLayerPaths.append("./asset.usda")
+    if copy:
+        stage.GetPrimAtPath(copy).SetInstanceable(False)
+        for attribute, value in (changes or {}).items():
+            _override(stage, Sdf.Path(attribute.replace(shot.root, copy, 1)), value)
     if isinstance(shot.view, View):
         _add_camera(stage, shot.view)
     if shot.hdri:

@@ -9,8 +9,11 @@ Over the pixels where W differs from B by more than CHANGED of the brighter one:
 
     shown      = sum (G - B)(W - B) / sum (W - B)^2              1 where all of the change is seen
 and over all others
-    collateral = sum |G - W| / sum over the changed pixels of |W - B|
+    collateral = sum |G - W| / sum over all pixels of |W - B|
+    strict     = the same / sum over the changed pixels of |W - B|
 
+which differ where most of the wanted change is faint and wide, as of roughness.
+A stroke changes the copy that it is painted on, so that W is that one's change where a shot has several copies.
 What B against a B of other random numbers would make of `collateral` is printed beside it.  Failures are marked.
 """
 
@@ -58,6 +61,7 @@ class Seen:
     pixels: int  # that change
     shown: float
     collateral: float
+    strict: float
     noise: float  # what `collateral` is of noise alone
 
     @property
@@ -69,7 +73,8 @@ class Seen:
         mark = "POOR " if self.is_poor else "ok   "
         return (
             f"{mark} {self.case:46s} {self.way:7s} {self.wanted:10s} {self.inferred:22s} {self.pixels:5d} pixels"
-            f"  shown {self.shown:6.3f}  collateral {self.collateral:.3f}  noise {self.noise:.3f}"
+            f"  shown {self.shown:6.3f}  collateral {self.collateral:.3f}, strict {self.strict:.3f}"
+            f"  noise {self.noise:.3f}"
         )
 
 
@@ -79,9 +84,9 @@ def see_case(case: Case | TexturedCase, ways: list[str], elements: int, samples:
     camera = truth.get("camera", CAMERA)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        before, after = (_stage(case, folder / str(changed), changed) for changed in (False, True))
-        b, w = (trace(path, camera, samples) for path in (before, after))
-        other = trace(before, camera, samples, seed=977)
+        before = _stage(case, folder / "False", False)
+        b, other = (trace(before, camera, samples, seed) for seed in (5, 977))
+        wanted: dict[str, NDArray] = {}
         session = usdslf.open(before, elements=elements)
         for way in ways:
             stroke = paint(session, truth, way)
@@ -93,27 +98,25 @@ def see_case(case: Case | TexturedCase, ways: list[str], elements: int, samples:
                 session.author(folder / f"{way}.usda", review_root=folder / f"{way}_root.usda")
                 got = trace(folder / f"{way}_root.usda", camera, samples)
             session.remove_stroke(stroke.name)
+            copy = painted_copy(case, report["material"])
+            if copy not in wanted:
+                wanted[copy] = trace(_stage(case, folder / f"True{len(wanted)}", True, copy), camera, samples)
             right = report["inferred"] == case.parameter and is_same_material(
                 case, truth["material"], report["material"]
             )
-            shown, collateral, noise, count = compare(b, w, got, other)
-            yield Seen(case.name, way, case.parameter, report["inferred"], right, count, shown, collateral, noise)
+            seen = compare(b, wanted[copy], got, other)
+            yield Seen(case.name, way, case.parameter, report["inferred"], right, *seen)
 
 
-def compare(b: NDArray, w: NDArray, g: NDArray, other: NDArray) -> tuple[float, float, float, int]:
-    """Returns shown, collateral, its noise and how many pixels change, of pictures (h, w, 3); see above."""
+def compare(b: NDArray, w: NDArray, g: NDArray, other: NDArray) -> tuple[int, float, float, float, float]:
+    """Returns how many pixels change, shown, collateral, strict and noise, of pictures (h, w, 3); see above."""
     brighter = np.maximum(b, w).max(-1) + FLOOR * b.mean()
     changed = np.abs(w - b).max(-1) > CHANGED * brighter
     wanted, got = (w - b)[changed], (g - b)[changed]
-    size = max(float(np.abs(wanted).sum()), 1e-12)
+    whole, most = (max(float(np.abs(x).sum()), 1e-12) for x in (w - b, wanted))
     shown = float((wanted * got).sum() / max(float((wanted**2).sum()), 1e-12))
-    elsewhere = ~changed
-    return (
-        shown,
-        float(np.abs(g - w)[elsewhere].sum()) / size,
-        float(np.abs(other - b)[elsewhere].sum()) / size,
-        int(changed.sum()),
-    )
+    off, noise = (float(np.abs(x)[~changed].sum()) for x in (g - w, other - b))
+    return int(changed.sum()), shown, off / whole, off / most, noise / whole
 
 
 def trace(stage: Path, camera: str, samples: int, seed: int = 5) -> NDArray:
@@ -121,8 +124,16 @@ def trace(stage: Path, camera: str, samples: int, seed: int = 5) -> NDArray:
     return Tracer(stage, max_depth=MAX_DEPTH).render(camera, *SIZE, samples, seed=seed)
 
 
-def _stage(case: Case | TexturedCase, folder: Path, changed: bool) -> Path:
-    return case.build(folder, changed) if isinstance(case, TexturedCase) else build_stage(case, folder, changed)
+def painted_copy(case: Case | TexturedCase, material: str) -> str:
+    """Returns the path of the copy that a material is of, "" where the shot has none."""
+    is_copied = isinstance(case, TexturedCase) and case.shot.copies
+    return "/" + material.split("/")[1] if is_copied else ""
+
+
+def _stage(case: Case | TexturedCase, folder: Path, changed: bool, copy: str = "") -> Path:
+    if isinstance(case, TexturedCase):
+        return case.build(folder, changed, copy)
+    return build_stage(case, folder, changed)
 
 
 def summary(found: list[Seen]) -> Iterator[str]:
@@ -134,7 +145,8 @@ def summary(found: list[Seen]) -> Iterator[str]:
         yield (
             f"{way:7s} {len(mine)} cases, median shown {np.median([s.shown for s in mine]):.3f}"
             f"{f' (aim {aim})' if aim else ''}, collateral below {MOST_COLLATERAL} in "
-            f"{1 - len(spoiled) / len(mine):.0%} (aim 95 %), median {np.median([s.collateral for s in mine]):.3f}"
+            f"{1 - len(spoiled) / len(mine):.0%} (aim 95 %), median {np.median([s.collateral for s in mine]):.3f}, "
+            f"strict in {np.mean([s.strict <= MOST_COLLATERAL for s in mine]):.0%}"
         )
 
 

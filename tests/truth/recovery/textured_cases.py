@@ -49,10 +49,10 @@ class TexturedCase:
     seed: int
     set_name: str = "textured"
 
-    def build(self, folder: Path, changed: bool = False) -> Path:
-        """Writes the stage before or after the change; returns the path of the file."""
+    def build(self, folder: Path, changed: bool = False, copy: str = "") -> Path:
+        """Writes the stage before or after the change, of one copy or of all; returns the path of the file."""
         changes = {c["attribute"]: c["is"] for c in self.changed_values()} if changed else {}
-        return build_shot(self.shot, ASSETS, folder, changes)
+        return build_shot(self.shot, ASSETS, folder, changes, copy)
 
     def changed_values(self) -> list[dict[str, Any]]:
         """Returns attribute, `was`, `is`, and what was done, of all changes."""
