@@ -146,7 +146,10 @@ class DisplayPass:
 
         def convert(rows: slice) -> None:
             with np.errstate(over="ignore", invalid="ignore"):
-                one(np.ascontiguousarray(_channel(pixels[rows] * gain, settings.channel)), out[rows])
+                scaled = np.ascontiguousarray(_channel(pixels[rows] * gain, settings.channel))
+            if settings.channel != "false_color":
+                scaled[np.isnan(scaled).any(-1)] = 0
+            one(scaled, out[rows])
 
         _in_strips(convert, len(pixels))
         return out

@@ -13,7 +13,7 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from pxr import CameraUtil, Gf, Tf, Usd, UsdImagingGL
+from pxr import CameraUtil, Gf, Tf, Usd, UsdImagingGL, UsdUtils
 
 from usdslf import Camera, LiveStage, Scene, view_and_projection
 
@@ -57,8 +57,9 @@ class Engine:
         self._engine = UsdImagingGL.Engine()
         if delegate and not self._engine.SetRendererPlugin(delegate):
             self.problem = f"the render delegate {delegate} cannot be used here; another one is"
-        self._engine.SetRendererAov("color")
         self.delegate = str(self._engine.GetCurrentRendererId())
+        if self.delegate != STORM:  # Storm draws into the framebuffer itself; by way of an AOV it blurs what it drew
+            self._engine.SetRendererAov("color")
 
     def draw(
         self, scene: Scene, camera: Camera, size: tuple[int, int], refine: int = 1,
@@ -82,10 +83,14 @@ class Engine:
         e.SetRenderBufferSize(Gf.Vec2i(width, height))
         e.SetFraming(CameraUtil.Framing(Gf.Rect2i(Gf.Vec2i(0, 0), Gf.Vec2i(width - 1, height - 1))))
         e.SetCameraState(Gf.Matrix4d(view.T.tolist()), Gf.Matrix4d(projection.T.tolist()))
+        unsaid = UsdUtils.CoalescingDiagnosticDelegate()  # oddities of a stage; `usdslf info` says what matters of them
         try:
             e.Render(self.live.stage.GetPseudoRoot(), _parameters(scene, refine))
         except Tf.ErrorException as error:
             self.problem = next((line.strip() for line in str(error).splitlines() if line.strip()), "an error of USD")
+        finally:
+            unsaid.TakeUncoalescedDiagnostics()
+            del unsaid
         return bool(e.IsConverged())
 
     def release(self) -> None:

@@ -1,6 +1,6 @@
 """GlPicture: scene-linear frames in OpenGL, their mean, and the display pass over it.
 
-    with picture.linear(): ...      what is drawn within goes into the linear frame
+    with picture.linear(): ...      what is drawn within goes into the linear frame; waits until it is there
     picture.add(number)             the frame into the mean of `number` frames
     picture.codes(pass, settings)   the mean through the display pass, as a QImage
     picture.pixels()                the mean, scene-linear
@@ -10,6 +10,7 @@ Needs a current context of OpenGL 4, compatibility profile; all calls on its thr
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -22,6 +23,7 @@ from PySide6.QtOpenGL import (
     QOpenGLShader,
     QOpenGLShaderProgram,
     QOpenGLTexture,
+    QOpenGLTimerQuery,
 )
 
 from usdslf import CHANNELS, DisplayPass, DisplaySettings, DisplayShader
@@ -32,6 +34,7 @@ BLEND, CULL_FACE, DEPTH_TEST, SCISSOR_TEST, STENCIL_TEST = 0x0BE2, 0x0B44, 0x0B7
 TEXTURE_2D, TEXTURE0, TRIANGLES = 0x0DE1, 0x84C0, 4
 CONSTANT_ALPHA, ONE_MINUS_CONSTANT_ALPHA = 0x8003, 0x8004
 RGBA8, RGBA16F, RGBA32F = 0x8058, 0x881A, 0x8814
+POLL = 0.001  # seconds between looks whether a frame is there
 VERTEX = """#version 400 compatibility
 void main() { gl_Position = vec4(gl_VertexID == 1 ? 3.0 : -1.0, gl_VertexID == 2 ? 3.0 : -1.0, 0.0, 1.0); }
 """
@@ -58,6 +61,8 @@ class GlPicture:
 
     def __init__(self) -> None:
         self._functions = QOpenGLExtraFunctions(QOpenGLContext.currentContext())
+        self._drawn = QOpenGLTimerQuery()
+        self._drawn.create()
         self._size = (0, 0)
         self._frame: QOpenGLFramebufferObject | None = None
         self._mean: QOpenGLFramebufferObject | None = None
@@ -92,6 +97,7 @@ class GlPicture:
             yield
         finally:
             self._frame.release()
+            self._wait()
 
     def add(self, number: int) -> None:
         """Makes the frame the last of `number` that the mean is of; 1: the mean is this frame."""
@@ -156,7 +162,7 @@ class GlPicture:
             table.destroy()
         self._tables, self._show, self._shader = [], None, None
         self._frame = self._mean = self._shown = None
-        del self._copy
+        del self._copy, self._drawn
 
     # ── how ────────────────────────────────────────────────────────────────────────────────────
     @contextmanager
@@ -184,6 +190,13 @@ class GlPicture:
             gl.glBindTexture(TEXTURE_2D, 0)
             program.release()
             into.release()
+
+    def _wait(self) -> None:
+        """Waits until all is drawn, without holding Python's lock, as any call that needs the result would."""
+        self._drawn.recordTimestamp()
+        self._functions.glFlush()
+        while not self._drawn.isResultAvailable():
+            time.sleep(POLL)
 
     def _prepare(self, display: DisplayPass) -> None:
         """Compiles the shader of a display pass and loads its table, where they are not there."""

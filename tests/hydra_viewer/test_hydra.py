@@ -1,0 +1,99 @@
+"""The Hydra viewport: what it draws against the program's own rays, its display pass, and what a look changes in it.
+
+Collected where a pxr with UsdImagingGL is installed; elsewhere test_no_hydra.py tests what is said instead.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from kit.displays import ROOT
+from kit.hydra_colors import GLOW
+from scipy import ndimage
+
+Pictures = dict[str, np.ndarray]
+
+
+@pytest.fixture(scope="module")
+def pictures(display: dict[str, str], tmp_path_factory: pytest.TempPathFactory) -> Pictures:
+    folder = tmp_path_factory.mktemp("hydra")
+    command = [sys.executable, "-W", "error", str(ROOT / "tests/kit/hydra_pictures.py"), str(folder)]
+    run = subprocess.run(command, env=display, capture_output=True, text=True, timeout=600)
+    assert run.returncode == 0, run.stderr[-3000:]
+    assert not run.stderr.strip(), run.stderr[-3000:]
+    return dict(np.load(folder / "pictures.npz"))
+
+
+def is_on_edge(labels: np.ndarray) -> np.ndarray:
+    """Pixels within one of a border between two things."""
+    return ndimage.maximum_filter(labels, 3) != ndimage.minimum_filter(labels, 3)
+
+
+@pytest.mark.parametrize("place", ["near", "far"])
+@pytest.mark.parametrize("camera", ["plain", "offset", "orthographic"])
+def test_everything_is_where_the_programs_own_rays_meet_it(pictures: Pictures, place: str, camera: str) -> None:
+    drawn, traced = pictures[f"{place} {camera} drawn"], pictures[f"{place} {camera} traced"]
+    colors = np.array([*GLOW.values(), (0.0, 0.0, 0.0)])
+    distance = np.abs(drawn[..., None, :] - colors).max(-1)
+    seen = np.where(distance.argmin(-1) == len(GLOW), -1, distance.argmin(-1))
+    inside = ~is_on_edge(traced)
+    assert distance.min(-1)[inside].max() < 2e-3  # the colours themselves, linear and untouched
+    assert set(np.unique(traced)) == {-1, 0, 1, 2, 3}
+    differ = seen != traced
+    assert not (differ & inside).any()
+    assert differ.mean() < 0.004
+    assert bool(np.abs(pictures[f"{place} origin"]).max()) == (place == "far")
+
+
+def test_display_on_the_gpu_is_that_of_the_processor(pictures: Pictures) -> None:
+    np.testing.assert_array_equal(pictures["pixels back"], pictures["pixels"])
+    names = [n.split(" ", 1)[1] for n in pictures if n.startswith("gpu ")]
+    assert len(names) == 8
+    for name in names:
+        gpu, cpu = pictures[f"gpu {name}"].astype(int), pictures[f"cpu {name}"].astype(int)
+        assert np.abs(gpu - cpu).max() <= (0 if name == "false_color" else 1), name
+        assert (gpu != cpu).mean() < 1e-3, name
+        assert len(np.unique(gpu)) > 10, name
+
+
+def test_the_first_picture_shows_the_ball(pictures: Pictures) -> None:
+    linear, shown = pictures["first linear"], pictures["first"]
+    assert linear.shape == shown.shape == (180, 320, 3)
+    assert linear[90, 160].min() > 0.02 and (linear[:8, :8] == 0).all()
+    assert shown[90, 160].min() > 20 and shown[4, 4].max() < 8
+
+
+def test_a_move_of_the_camera_moves_the_picture_and_back_it_is_the_same(pictures: Pictures) -> None:
+    middle = lambda p: ndimage.center_of_mass(p.sum(-1))[1] / p.shape[1]  # noqa: E731
+    assert middle(pictures["moving linear"]) < middle(pictures["first linear"]) - 0.05
+    assert np.abs(pictures["back"].astype(int) - pictures["first"]).mean() < 1.0
+
+
+def test_a_look_shows_in_the_next_picture_and_goes_with_it(pictures: Pictures) -> None:
+    before, red, after = (pictures[n] for n in ("first linear", "red linear", "without linear"))
+    lit = before[..., 1] > 0.1
+    assert lit.sum() > 400
+    assert (red[lit][:, 0] > 1.5 * before[lit][:, 0]).mean() > 0.9  # .4 became .8
+    assert (red[lit][:, 1] < 0.5 * before[lit][:, 1]).mean() > 0.9  # a highlight stays
+    assert np.abs(after - before).mean() < 0.01 * before.mean()
+    assert pictures["unchanged"]
+
+
+def test_exposure_and_channel_act_on_what_is_there(pictures: Pictures) -> None:
+    shown, expected = pictures["green"].astype(int), pictures["green expected"].astype(int)
+    assert np.ptp(shown, axis=-1).max() <= 1  # a grey of the view is not the same number three times
+    assert np.abs(shown - expected).max() <= 1
+
+
+def test_an_error_is_a_sentence_and_the_viewport_lives_on(pictures: Pictures) -> None:
+    assert "no display" in str(pictures["error"][0]) and "Sepia" in str(pictures["error"][0])
+    assert np.abs(pictures["after error"].astype(int) - pictures["first"]).mean() < 1.0
+    assert pictures["end"]
+
+
+def test_storm_is_listed_first_and_the_pxr_is_named(pictures: Pictures) -> None:
+    assert pictures["storm"] and pictures["kinds"][0] == "Hydra: Storm"
+    assert str(pictures["choice"]).startswith("Hydra by the UsdImagingGL of")
