@@ -18,7 +18,7 @@ import os
 import shutil
 import tempfile
 import time
-from collections.abc import Generator, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -53,11 +53,12 @@ def on_cluster(address: str, ship: bool = False, retried: float = RETRIED) -> En
 
     def run(jobs: Sequence[Job], found: Plan, tell: Hear) -> Iterator[tuple[Job, Result]]:
         left = {job.name: job for job in jobs}
-        until = time.monotonic() + min(retried, ASKED)
+        until = time.monotonic() + min(retried, ASKED)  # nobody may be there at all
         while left:
             try:
-                with contextlib.closing(_session(address, ship, list(left.values()), found, tell)) as results:
-                    for job, result in results:
+                with _client(address, min(retried, ASKED)) as client:
+                    until = time.monotonic() + retried
+                    for job, result in _sent(client, ship, list(left.values()), found, tell):
                         until = time.monotonic() + retried
                         del left[job.name]
                         yield job, result
@@ -76,55 +77,67 @@ class _Gone(Exception):
     """The scheduler forgot a job."""
 
 
-def _session(
-    address: str, ship: bool, jobs: Sequence[Job], found: Plan, tell: Hear
-) -> Generator[tuple[Job, Result], None, None]:  # fmt: skip
+@contextlib.contextmanager
+def _client(address: str, seconds: float) -> Iterator[Any]:
+    """A connection to a scheduler.  Raises: OSError where nobody answers."""
+    from distributed import Client
+
+    client = Client(address, timeout=seconds, set_as_default=False, heartbeat_interval=500)
+    try:
+        yield client
+    finally:
+        with contextlib.suppress(OSError):
+            client.close(timeout=seconds)
+
+
+def _sent(
+    client: Any, ship: bool, jobs: Sequence[Job], found: Plan, tell: Hear
+) -> Iterator[tuple[Job, Result]]:  # fmt: skip
     """Runs jobs while one scheduler lives.  Raises: OSError or _Gone where it does not."""
-    from distributed import Client, as_completed
+    from distributed import as_completed
     from distributed.scheduler import KilledWorker
 
-    with Client(address, timeout=ASKED, set_as_default=False, heartbeat_interval=500) as client:
-        sent: dict[Any, Job] = {}
-        files = _Shipped(client) if ship else None
-        for job in jobs:
-            try:
-                given = files.of(job) if files else None
-            except UsdslfError as error:
-                yield job, Result(job.name, job.kind, False, str(error), "error")
-                continue
-            sent[client.submit(work_on_worker, job.as_json(), asdict(found.limits), given, pure=False, retries=0)] = job
-            tell(Event(job.name, "started"))
-        for future in as_completed(list(sent)):
-            job = sent.pop(future)
-            if future.status == "cancelled" or future.status == "lost":
-                raise _Gone(f"it forgot {job.name}")
-            if future.status == "error":
-                failed = future.exception()
-                if not isinstance(failed, KilledWorker):
-                    raise _Gone(str(failed))
-                yield job, Result(job.name, job.kind, False, f"{MOST_DEATHS} workers died of it", "crash")
-                continue
-            values, files_back = future.result()
-            result = Result.of_values(values)
-            if files_back is not None and result.is_done:
-                _put(job, files_back)
-            yield job, result
-            future.release()
+    sent: dict[Any, Job] = {}
+    files = _Shipped(client, found) if ship else None
+    for job in jobs:
+        try:
+            given = files.of(job) if files else None
+        except UsdslfError as error:
+            yield job, Result(job.name, job.kind, False, str(error), "error")
+            continue
+        sent[client.submit(work_on_worker, job.as_json(), asdict(found.limits), given, pure=False, retries=0)] = job
+        tell(Event(job.name, "started"))
+    for future in as_completed(list(sent), loop=client.loop):
+        job = sent.pop(future)
+        if future.status in ("cancelled", "lost"):
+            raise _Gone(f"it forgot {job.name}")
+        if future.status == "error":
+            failed = future.exception()
+            if not isinstance(failed, KilledWorker):
+                raise _Gone(str(failed))
+            yield job, Result(job.name, job.kind, False, f"{MOST_DEATHS} workers died of it", "crash")
+            continue
+        values, back = future.result()
+        result = Result.of_values(values)
+        if back is not None and result.is_done:
+            _put(job, back)
+        yield job, result
+        future.release()
 
 
 class _Shipped:
     """Files on their way to workers: each is sent once, by content."""
 
-    def __init__(self, client: Any) -> None:
-        self.client = client
+    def __init__(self, client: Any, found: Plan) -> None:
+        self.client, self.found = client, found
         self.known: dict[str, Any] = {}
 
     def of(self, job: Job) -> dict[str, Any]:
         """Returns the contents of the files that a job reads, by their absolute paths, as they travel."""
         names = [*reads_of(job).files]
-        for need in job.needs:
-            folder = replace(job, name=need).folder
-            names += [str(p) for p in folder.rglob("*") if p.is_file()]
+        for need in (self.found.job(name) for name in job.needs):
+            names += [str(p) for p in need.folder.rglob("*") if p.is_file()]
+            names += reads_of(need).files if not job.shot else ()  # of the asset that these shots show
         found = {}
         for name in names:
             if os.path.isfile(name):

@@ -50,7 +50,7 @@ def write_template(found: Plan, path: str | os.PathLike[str]) -> str:
         "specificationVersion": "jobtemplate-2023-09",
         "extensions": ["EXPR"],
         "name": f"usdslf batch {Path(found.manifest).stem}"[:MOST_NAME],
-        "parameterDefinitions": _parameters(found, inputs),
+        "parameterDefinitions": _parameters(found, inputs, Path(os.path.abspath(target)).parent),
         "steps": list(_steps(found)),
     }
     with replacing(target) as temporary:
@@ -59,15 +59,30 @@ def write_template(found: Plan, path: str | os.PathLike[str]) -> str:
     return f"{target}: {len(found.jobs)} tasks in {steps} steps, {len(inputs)} files; run it with: openjd run {target}"
 
 
-def _parameters(found: Plan, inputs: Sequence[str]) -> list[dict[str, Any]]:
-    folder = {"type": "PATH", "objectType": "DIRECTORY"}
+def _parameters(found: Plan, inputs: Sequence[str], beside: Path) -> list[dict[str, Any]]:
+    """The parameters of the job; what lies below the template's folder `beside` travels with it."""
+    folder = {"objectType": "DIRECTORY", "dataFlow": "OUT"}
     return [
         {"name": "Python", "type": "STRING", "default": sys.executable, "description": "That has usdslf."},
-        {"name": "Manifest", "type": "PATH", "objectType": "FILE", "dataFlow": "IN", "default": found.manifest},
-        {"name": "Output", **folder, "dataFlow": "OUT", "default": found.output},
-        {"name": "Inputs", "type": "LIST[PATH]", "objectType": "FILE", "dataFlow": "IN", "default": list(inputs),
-         "description": "All files that the jobs read: layers, textures, tiles, value clips, strokes."},
-    ]  # fmt: skip
+        {"name": "Manifest", **_path(found.manifest, beside, {"objectType": "FILE", "dataFlow": "IN"})},
+        {"name": "Output", **_path(found.output, beside, folder)},
+        {
+            "name": "Inputs",
+            "type": "LIST[PATH]",
+            "objectType": "FILE",
+            "dataFlow": "IN",
+            "default": list(inputs),
+            "description": "All files that the jobs read: layers, textures, tiles, value clips, strokes.",
+        },
+    ]
+
+
+def _path(path: str, beside: Path, kind: dict[str, str]) -> dict[str, str]:
+    """A parameter of a file or folder: defaults of paths have to lie below the template; others are texts."""
+    relative = os.path.relpath(path, beside)
+    if relative.startswith(".."):
+        return {"type": "STRING", "default": path}
+    return {"type": "PATH", **kind, "default": Path(relative).as_posix()}
 
 
 def _steps(found: Plan) -> Iterator[dict[str, Any]]:

@@ -21,6 +21,7 @@ from usdslf.batch.places import remove_abandoned
 from usdslf.batch.plan import Plan, why_to_run
 from usdslf.batch.records import forget_failure, read_failure, read_result, write_failure, write_note
 from usdslf.batch.summary import Summary
+from usdslf.errors import UsdslfError
 from usdslf.progress import forget_interrupt
 
 LISTENED = 0.1  # seconds between two looks whether the run is to stop
@@ -38,7 +39,8 @@ def run_batch(found: Plan, engine: Engine | None = None, hear: Hear | None = Non
 
     Returns: the summary.  Jobs that failed are in it, and do not end the run.
 
-    Raises: KeyboardInterrupt where the run was stopped; results that are whole stay, and the summary is written.
+    Raises: KeyboardInterrupt where the run was stopped, UsdslfError where its engine cannot go on; results that are
+        whole stay, and the summary is written.
     """
     work, tell = engine or on_this_machine, hear or (lambda event: None)
     remove_abandoned(found.output)
@@ -54,7 +56,7 @@ def run_batch(found: Plan, engine: Engine | None = None, hear: Hear | None = Non
             before = {job.name: read_result(job) for job in ready}
             for job, result in work(ready, found, tell) if ready else ():
                 _deliver(job, result, before[job.name], tell)
-    except KeyboardInterrupt:
+    except (KeyboardInterrupt, UsdslfError):
         forget_interrupt()
         collect(found)
         raise
