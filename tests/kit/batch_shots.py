@@ -60,3 +60,14 @@ def mend_hanging(folder: Path) -> None:
 def bytes_below(folder: Path) -> dict[str, bytes]:
     """The contents of all files below a folder, by their relative paths."""
     return {p.relative_to(folder).as_posix(): p.read_bytes() for p in sorted(folder.rglob("*")) if p.is_file()}
+
+
+def write_look(path: Path, prim: str = "/World/mtl/floor/surface", diffuse: tuple = (0.5, 0.1, 0.1)) -> Path:
+    """A look layer, as solve writes them, that gives a shader a diffuse colour."""
+    names = prim.strip("/").split("/")
+    inner = f"color3f inputs:diffuseColor = {diffuse}"
+    for name in reversed(names):
+        inner = f'over "{name}" {{\n{inner}\n}}'
+    head = '#usda 1.0\n(\n customLayerData = {\n  dictionary usdslf = {\n   string version = "0"\n  }\n }\n)\n'
+    path.write_text(head + inner + "\n")
+    return path

@@ -37,7 +37,7 @@ def propagate_look(job: Job, folder: Path, say: Say | None) -> Found:
     review = review_look(job.file(job.shot), look, job.options.get("ocio"))
     review["findings"] = [f for f in review["findings"] if f["name"] not in EXPECTED]
     edited = session.edited(look)
-    findings = list(_sentences(review["findings"], session.scene))
+    findings = list(_sentences(review, session.scene))
     if look_alike(session.scene.materials, edited.scene.materials):
         findings.insert(0, f"the look changes nothing in {Path(job.shot).name}")
     author_review_root(folder / "review.usda", look, None, job.file(job.shot))
@@ -52,13 +52,12 @@ def propagate_look(job: Job, folder: Path, say: Say | None) -> Found:
     return Found(tuple(lines), tuple(findings), {"edits": len(review["edits"])}, read)
 
 
-def _sentences(findings: list[dict[str, Any]], scene: Scene) -> Iterator[str]:
+def _sentences(review: dict[str, Any], scene: Scene) -> Iterator[str]:
     """The findings in words; of a material that is not there, which one may be it under another name."""
-    for finding in findings:
+    for finding in review["findings"]:
         say = finding["message"]
         if finding["name"] in GONE:
-            leaf = finding["prim"].rsplit("/", 1)[-1]
-            named = [m.path for m in scene.materials if leaf in m.path.split("/")]
-            others = [p for p in named if not p.startswith(finding["prim"])]
-            say += f" It may be {others[0]} now." if others else ""
+            gone = {n for e in review["edits"] if e["prim"].startswith(finding["prim"]) for n in e["prim"].split("/")}
+            named = [m.path for m in scene.materials if m.path.rsplit("/", 1)[-1] in gone]
+            say += f" It may be {', '.join(named)} now." if named else ""
         yield say
