@@ -1,7 +1,7 @@
 """Runs the recovery suite: does a stroke give back the change that was made?
 
     python tests/truth/recovery/run_recovery.py [NAME ...] [--set tuning|twin|all|textured] [--ways all|exact,few,...]
-                                          [--elements N] [--json OUT] [--markdown]
+                                          [--elements N] [--json OUT] [--markdown] [--keep DIR]
 
 The truth (truth/NAME.json, see make_truth) was rendered by a path tracer.  For each case and way the dabs are
 painted on the unchanged stage as one replace stroke, solved, and compared: the freed parameters must be
@@ -14,6 +14,7 @@ from __future__ import annotations
 import argparse
 import json
 import math
+import pickle
 import sys
 import tempfile
 import time
@@ -79,9 +80,10 @@ def read_truth(case: Case | TexturedCase) -> dict[str, Any]:
 
 
 def run_case(
-    case: Case | TexturedCase, ways: Iterable[str] = WAYS, elements: int = ELEMENTS, **options: Any
-) -> list[Outcome]:
-    """Paints and solves one case in each way.  `options` go to usdslf.open."""
+    case: Case | TexturedCase, ways: Iterable[str] = WAYS, elements: int = ELEMENTS, keep: Path | None = None,
+    **options: Any,
+) -> list[Outcome]:  # fmt: skip
+    """Paints and solves one case in each way.  `keep`: folder of answers, see replay.py.  `options`: of usdslf.open."""
     truth = read_truth(case)
     start = time.perf_counter()
     found = []
@@ -97,10 +99,19 @@ def run_case(
             if outcome.is_right and way != BEFORE:
                 ideal = half_widths(truth, way, session.answers[0], REPORT_KEY[case.parameter])
                 outcome = with_interval(outcome, report["range"].get(REPORT_KEY[case.parameter]), ideal)
+            if keep is not None:
+                keep_answer(keep, outcome, session.answers[0])
             session.remove_stroke(stroke.name)
             found.append(outcome)
             start = time.perf_counter()
     return found
+
+
+def keep_answer(folder: Path, outcome: Outcome, answer: Any) -> None:
+    """Keeps an answer's tables with its outcome, so that what is fitted last can be repeated without the stage."""
+    folder.mkdir(parents=True, exist_ok=True)
+    kept = {"outcome": outcome, "tables": answer.tables, "chosen": answer.chosen, "varies": answer.varying is not None}
+    (folder / f"{outcome.case}.{outcome.way}.pkl").write_bytes(pickle.dumps(kept))
 
 
 def paint(session: Any, truth: dict[str, Any], way: str) -> usdslf.Stroke:
@@ -295,13 +306,14 @@ def main() -> None:
     parser.add_argument("--ways", default=",".join(WAYS), help=f"of {','.join([*PAINTERS, BEFORE])}, or all")
     parser.add_argument("--elements", type=int, default=ELEMENTS)
     parser.add_argument("--json", type=Path)
+    parser.add_argument("--keep", type=Path, help="folder of answers, for replay.py")
     parser.add_argument("--markdown", action="store_true", help="end with a table of failures")
     a = parser.parse_args()
     outcomes = []
     ways = PAINTERS if a.ways == "all" else a.ways.split(",")
     sets = ("all", "textured") if a.names and a.set == "tuning" else (a.set,)
     chosen = [case for name in sets for case in select(name, a.names)]
-    for outcome in run(chosen, ways, elements=a.elements):
+    for outcome in run(chosen, ways, elements=a.elements, keep=a.keep):
         outcomes.append(outcome)
         print(line(outcome), flush=True)
     for total in totals(outcomes):
