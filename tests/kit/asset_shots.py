@@ -82,7 +82,7 @@ SHOTS = {
 
 
 def build_shot(
-    shot: Shot, assets: Path, folder: Path, changes: dict[str, Any] | None = None, copy: str = ""
+    shot: Shot, assets: Path, folder: Path, changes: dict[str, Any] | None = None, only: str = ""
 ) -> Path:
     """Writes the stage of a shot and returns its path.
 
@@ -91,12 +91,12 @@ def build_shot(
       assets: folder of the assets.
       folder: where the stage is written.
       changes: value of each attribute path of the asset that is overridden.
-      copy: path of the copy that alone is overridden, no instance any more; "": all.
+      only: path of the copy that alone is overridden, no instance any more; "": all.
     """
     folder.mkdir(parents=True, exist_ok=True)
     asset = assets / shot.asset
     inner = folder / "asset.usda"
-    _over_asset(inner, asset, shot, {} if copy else changes or {})
+    _over_asset(inner, asset, shot, {} if only else changes or {})
     stage = Usd.Stage.CreateNew(str(folder / "stage.usda"))
     source = Usd.Stage.Open(str(inner))
     UsdGeom.SetStageUpAxis(stage, UsdGeom.GetStageUpAxis(source))
@@ -114,10 +114,10 @@ def build_shot(
             copy.GetPrim().SetInstanceable(True)
     else:
         stage.GetRootLayer().subLayerPaths.append("./asset.usda")
-    if copy:
-        stage.GetPrimAtPath(copy).SetInstanceable(False)
+    if only:
+        stage.GetPrimAtPath(only).SetInstanceable(False)
         for attribute, value in (changes or {}).items():
-            _override(stage, Sdf.Path(attribute.replace(shot.root, copy, 1)), value)
+            _override(stage, Sdf.Path(attribute.replace(shot.root, only, 1)), value)
     if isinstance(shot.view, View):
         _add_camera(stage, shot.view)
     if shot.hdri:
