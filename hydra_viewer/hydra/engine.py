@@ -3,8 +3,8 @@
 Pictures are scene-linear and without lights' own shapes; the display pass comes after.  UsdImagingGL takes its OpenGL
 state from the thread's current context, so an Engine is made, used and released on one thread.
 
-The only module of the viewer that imports pxr: UsdImagingGL has no other door.  `usdslf.choose_pxr` is to be asked
-before, it says whether there is any.
+Imports pxr, as UsdImagingGL has no other door; beside it only usdview's plugin does.  `usdslf.choose_pxr` is to be
+asked before, it says whether there is any.
 """
 
 from __future__ import annotations

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,12 +13,13 @@ from PySide6.QtWidgets import QFileDialog, QMessageBox, QWidget
 
 from hydra_viewer.model.autosave import Autosave, Recovered
 from hydra_viewer.model.document import Files
-from hydra_viewer.model.work import Opened, opening, reopening, saving
+from hydra_viewer.model.work import Opened, opening, preparing, reopening, saving
 from hydra_viewer.ui import words
 from hydra_viewer.ui.bars import MessageBar
 from hydra_viewer.ui.painting_widget import PaintingWidget
 from hydra_viewer.ui.watching import Watching
 from hydra_viewer.ui.worker import Job
+from usdslf import Camera, Shot, Stroke
 
 Answer = QMessageBox.StandardButton
 
@@ -38,6 +40,26 @@ class Filing(QObject):
         """Opens a shot, and strokes on it, on the worker; asks about what is not saved first."""
         if self.may_leave():
             self._worker.start(Job("open", lambda: opening(files, self._options), self._take, self._fail))
+
+    def open_shot(
+        self, shot: Shot, strokes: Sequence[Stroke] = (), camera: Callable[[Shot], Camera] | None = None
+    ) -> None:
+        """Takes in a shot that another program has open; asks about what is not saved first.
+
+        Args:
+            shot: its light is made on the worker.
+            strokes: on it.
+            camera: returns what it is looked at through; None: its first one.
+        """
+
+        def take(opened: Opened) -> None:
+            self._take(opened)
+            if camera is not None:
+                self._painting.look_through(camera(shot))
+
+        if self.may_leave():
+            steps = lambda: preparing(shot, Files(shot.path), tuple(strokes))  # noqa: E731
+            self._worker.start(Job("open", steps, take, self._fail))
 
     def reload(self) -> None:
         """Reads the shot anew from the disk; strokes stay, and are put on it again."""

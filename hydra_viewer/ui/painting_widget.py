@@ -17,7 +17,7 @@ from hydra_viewer.ui.live_viewport import LIVE
 from hydra_viewer.ui.solving import Solving
 from hydra_viewer.ui.viewport import ViewportKind
 from hydra_viewer.ui.worker import Job, Worker
-from usdslf import Shot, Stroke
+from usdslf import Camera, Shot, Stroke
 
 
 class PaintingWidget(QWidget):
@@ -71,11 +71,12 @@ class PaintingWidget(QWidget):
         if opened.look is not None:
             self.document.take_found(opened.look)
 
-    def look_through(self, camera: str | None) -> None:
-        """Looks through a camera of the shot, by its path; None: the first one, or one that sees everything."""
+    def look_through(self, camera: Camera | str | None) -> None:
+        """Looks through a camera, or one of the shot by its path; None: the first one, or one that sees everything."""
         shot = self.document.shot
         if shot is not None:
-            self.easel.look_from(view_of(shot.camera(camera), shot.scene.bounds, shot.scene.up_axis))
+            seen_by = camera if isinstance(camera, Camera) else shot.camera(camera)
+            self.easel.look_from(view_of(seen_by, shot.scene.bounds, shot.scene.up_axis))
 
     def frame_selected(self) -> None:
         """Looks at what is selected, or at everything, from where the camera is."""

@@ -67,6 +67,15 @@ def hydra_viewport(delegate: str) -> str:
     return f"{HYDRA}: {delegate}"
 
 
+USDVIEW_PAINT = ("Paint how it should look …", "Open usdslf's painting window on this stage, frame and camera")
+USDVIEW_OTHER_QT = "usdslf: this usdview does not run on PySide6, which the painting window needs"
+
+
+def usdview_without_qt(error: ImportError) -> str:
+    """Returns why the painting window cannot be opened from usdview."""
+    return f"usdslf: the painting window needs PySide6 (pip install 'usdslf[viewer]'): {error}"
+
+
 def no_hydra(pxr: str, error: ImportError) -> str:
     """Returns why Hydra cannot be used although it is installed."""
     return f"{pxr} cannot be loaded ({error}): the built-in viewport is used"

@@ -64,10 +64,10 @@ def test_the_viewer_chooses_before_anything_loads_pxr(display: dict[str, str], t
     assert last == f"{has_hydra()} True"
 
 
-def test_the_engine_alone_imports_pxr() -> None:
+def test_the_engine_and_the_plugin_of_usdview_alone_import_pxr() -> None:
     importing = [
         str(f.relative_to(ROOT))
         for f in sorted((ROOT / "hydra_viewer").rglob("*.py"))
         if any(line.lstrip().startswith(("import pxr", "from pxr")) for line in f.read_text().splitlines())
     ]
-    assert importing == ["hydra_viewer/hydra/engine.py"]
+    assert importing == ["hydra_viewer/hydra/engine.py", "hydra_viewer/usdview/container.py"]
