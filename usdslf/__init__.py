@@ -55,6 +55,8 @@ Public names; all others may change from version to version:
     find_next_dab, NextDab                       where one more dab decides
     report_of, lines_of_report                   what was inferred and authored, as values and as lines
     UsdslfError      base of all errors that a user can mend, with the exit code of each
+
+Many shots in one run, and one asset in several shots, are `usdslf.batch`, which has public names of its own.
 """
 
 from __future__ import annotations

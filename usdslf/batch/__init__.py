@@ -1,9 +1,13 @@
 """Batch: many shots in one run, on this machine or on a farm, and one asset under many lights.
 
-plan(manifest) -> Plan                      the jobs of a manifest, and which of them are finished
-run_batch(plan, engine, hear) -> Summary    runs what is not, each job in a process of its own
-run_job(job, say) -> Result                 one job, in this process: for a scheduler of one's own
-collect(plan) -> Summary                    what came of all jobs, written as JSON, CSV, HTML and JUnit XML
+Public names:
+
+    plan             the jobs of a manifest, and which of them are finished -> Plan
+    run_batch        runs what is not, each job in a process of its own -> Summary
+    run_job          one job, in this process: for a scheduler of one's own -> Result
+    collect          what came of all jobs, written as JSON, CSV, HTML and JUnit XML -> Summary
+    Plan, Job, Limits, Event, Result            their records
+    Summary, Row     what came of all jobs, and of one
 """
 
 from usdslf.batch.collect import collect

@@ -62,7 +62,7 @@ class Job:
         return Path(self.root + self.output, *self.name.split("/"))
 
     def file(self, path: str) -> str:
-        """Returns where a file that the row names lies on this machine."""
+        """Returns where a file that the row names, `path`, lies on this machine."""
         return self.root + path if path else ""
 
     def as_json(self) -> str:
@@ -71,7 +71,7 @@ class Job:
 
     @staticmethod
     def of_json(text: str) -> Job:
-        """Returns the row that `as_json` wrote."""
+        """Returns the row that `as_json` wrote as `text`."""
         values: dict[str, Any] = json.loads(text)
         listed: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in values.items()}
         return Job(**listed)
@@ -114,7 +114,7 @@ class Result:
 
     @staticmethod
     def of_values(values: Mapping[str, Any]) -> Result:
-        """Returns the result that `as_values` gave.  Raises: TypeError for what it is not."""
+        """Returns the result that `as_values` gave as `values`.  Raises: TypeError for what it is not."""
         listed: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in values.items()}
         return Result(**listed)
 

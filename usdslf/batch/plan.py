@@ -61,19 +61,25 @@ class Plan:
         raise InputError(f"there is no job '{name}' in {self.manifest}; it has {some} and so on")
 
 
-def plan(manifest: str | os.PathLike[str], output: str | os.PathLike[str] | None = None, workers: int = 0) -> Plan:
+def plan(
+    manifest: str | os.PathLike[str], output: str | os.PathLike[str] | None = None, workers: int = 0,
+    prefer_robust: bool = False,
+) -> Plan:  # fmt: skip
     """Reads a manifest and says what has to be run.
 
     Args:
         manifest: file.
         output: folder of all results; None: as the manifest says.
         workers: jobs at a time; 0: as the manifest says, else one a processor, as memory allows.
+        prefer_robust: at near ties what holds elsewhere is taken, whatever the manifest says.
 
     Raises: InputError, with the line, for a manifest that cannot be meant.
     """
     found = read_manifest(manifest)
     folder = _output(found, output)
     jobs = list(_jobs(found, folder))
+    if prefer_robust:
+        jobs = [replace(j, prefer_robust=True) if j.kind == "solve" else j for j in jobs]
     _check_names(jobs, found)
     hashes = Hashes.of(folder)
     why = {job.name: why_to_run(job, hashes) for job in jobs}

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 class Way:
     """How the jobs are run."""
 
+    prefer_robust: bool
     dry_run: bool
     job: str | None  # this one alone
     collect: bool  # the summary alone
@@ -38,6 +39,7 @@ class Way:
 @click.argument("manifest")
 @click.option("-o", "output", metavar="FOLDER", help="Of all results; default: `output` of the manifest.")
 @click.option("--workers", type=click.IntRange(1, 1024), help="Jobs at a time; default: `limits.workers`.")
+@click.option("--prefer-robust", is_flag=True, help="At a near tie take what holds in the lights of `elsewhere` too.")
 @click.option("--dry-run", is_flag=True, help="Say what would be run, and why; run nothing.")
 @click.option("--job", metavar="NAME", help="Run one job, as a task of a farm; what fails is kept for --collect.")
 @click.option("--collect", is_flag=True, help="Write the summary of what was run.")
@@ -58,7 +60,7 @@ def batch(
 
     if way.ship and not way.scheduler:
         raise click.UsageError("--ship sends files to the workers of a --scheduler; name one")
-    found = plan(manifest, output, workers or 0)
+    found = plan(manifest, output, workers or 0, way.prefer_robust)
     if way.dry_run:
         click.echo("\n".join(_lines_of_plan(found)))
         return
@@ -101,7 +103,7 @@ def _run(found: Plan, way: Way, settings: Settings) -> Summary:
     except KeyboardInterrupt:
         from usdslf.batch.plan import plan
 
-        left = len(plan(found.manifest, found.output).to_run)
+        left = len(plan(found.manifest, found.output, prefer_robust=way.prefer_robust).to_run)
         done = len(found.jobs) - left
         said = f"stopped: {done} of {len(found.jobs)} jobs are done; the same command goes on with the rest"
         click.echo(said, err=True)

@@ -13,9 +13,14 @@ from usdslf.cli.terminal import progress
 @click.option(
     "--elements", type=click.IntRange(1, (1 << 22) - 1), default=10000, show_default=True, help="Surface elements."
 )
+@click.option("--batch", is_flag=True, help="Throughput and cost of batches instead.")
+@click.option("--jobs", type=click.IntRange(1, 10000), default=24, show_default=True, help="Of the longest batch.")
 @settings
-def bench(settings: Settings, as_json: bool, elements: int) -> None:
+def bench(settings: Settings, as_json: bool, elements: int, batch: bool, jobs: int) -> None:
     """Time of each step beside the measured limits of this machine."""
+    if batch:
+        _bench_batch(settings, as_json, jobs)
+        return
     from usdslf.cli.bench import lines_of_table, measure
 
     with progress(settings.quiet) as say:
@@ -24,3 +29,14 @@ def bench(settings: Settings, as_json: bool, elements: int) -> None:
         print_json(found)
     else:
         click.echo("\n".join(lines_of_table(found)))
+
+
+def _bench_batch(settings: Settings, as_json: bool, jobs: int) -> None:
+    from usdslf.cli.bench_batch import lines_of_batch, measure_batch
+
+    with progress(settings.quiet) as say:
+        found = measure_batch(jobs, settings.device, settings.ocio, say)
+    if as_json:
+        print_json(found)
+    else:
+        click.echo("\n".join(lines_of_batch(found)))
