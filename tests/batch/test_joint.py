@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from kit.batch_shots import OPTIONS
+from kit.batch_shots import OPTIONS, bytes_below
 from kit.joint_shots import AFTER, BEFORE, CASES, LAMPS, painted, ring, write_asset, write_shot
 from pxr import Usd
 from truth.run_joint import Shots, is_sure, meant
@@ -90,6 +91,16 @@ def test_one_look_over_the_asset_and_each_shots_residual(joint: tuple[Plan, dict
         assert each["before"] > 0.05 and each["after"] < 0.02, each
         look = found.job(f"thing/shots/{name}").folder / "look.usda"
         assert roughness(look, "/set/thing/mtl/paint/surface") == pytest.approx(0.45, abs=0.02)
+
+
+def test_shipped_files_give_the_same_bytes(joint: tuple[Plan, dict[str, Result]], tmp_path: Path) -> None:
+    """As a worker of a cluster does it, that has the files in a folder of its own, under their own names."""
+    found, _ = joint
+    home = Path(found.manifest).parent
+    shutil.copytree(home, f"{tmp_path}{home}", ignore=shutil.ignore_patterns("batch"))
+    for job in found.jobs:
+        run_job(replace(job, root=str(tmp_path)))
+    assert bytes_below(Path(f"{tmp_path}{found.output}")) == bytes_below(Path(found.output))
 
 
 def roughness(file: Path, shader: str) -> float:

@@ -80,7 +80,7 @@ def what_changed(before: Result, after: Result) -> Changed:
             if paths:
                 more = f" and {len(paths) - MOST} more" if len(paths) > MOST else ""
                 why.append(f"{cause}: {', '.join(paths[:MOST])}{more} {words}")
-    why += [f"{k}: changed" for k in ("options", "version") if was.get(k) != now.get(k)]
+    why += [f"{k} changed" for k in ("options", "version") if was.get(k) != now.get(k)]
     earlier = {s["path"]: s for s in before.values.get("strokes", ())}
     answers = []
     for stroke in after.values.get("strokes", ()):
