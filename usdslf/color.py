@@ -95,6 +95,10 @@ class Color:
         names = [n for n in names if n] or [self.display_name]
         return {d: list(self._config.getViews(d)) for d in names}
 
+    def default_view(self, display: str) -> str:
+        """Returns the name of the view that a display has unless told otherwise."""
+        return str(self._config.getDefaultView(display))
+
     def looks(self) -> list[str]:
         """Returns the names of the looks that can be put in place of a view's own."""
         return [str(look.getName()) for look in self._config.getLooks()]

@@ -8,6 +8,7 @@ from PySide6.QtWidgets import QComboBox, QDoubleSpinBox, QHBoxLayout, QLabel, QT
 from hydra_viewer.model.document import Document
 from hydra_viewer.model.easel import DRAWN, POINTERS
 from hydra_viewer.ui import words
+from hydra_viewer.ui.display_menu import DisplayMenu
 from hydra_viewer.ui.icons import icon
 from hydra_viewer.ui.painting_widget import PaintingWidget
 
@@ -29,6 +30,12 @@ class ViewBar(QWidget):
         self.gate.setCheckable(True)
         self.gate.setIcon(icon("gate"))
         self.gate.setToolTip(words.tooltip(*words.GATE, "G"))
+        self.display_menu = DisplayMenu(painting.document, painting.easel, self)
+        self.display = QToolButton()
+        self.display.setMenu(self.display_menu)
+        self.display.setPopupMode(QToolButton.ToolButtonPopupMode.InstantPopup)
+        self.display.setToolTip(words.DISPLAY_TIP)
+        self.display_menu.named.connect(self.display.setText)
         self.exposure = self._number(words.EXPOSURE, (-12.0, 12.0), lambda v: self._easel.set_display(exposure=v))
         self.gamma = self._number(words.GAMMA, (0.1, 5.0), lambda v: self._easel.set_display(gamma=v))
         layout = QHBoxLayout(self)
@@ -36,6 +43,7 @@ class ViewBar(QWidget):
         for each in (*self.pointers.values(), self.camera, self.gate, self.drawn):
             layout.addWidget(each)
         layout.addStretch(1)
+        layout.addWidget(self.display)
         for label, box in ((words.EXPOSURE[0], self.exposure), (words.GAMMA[0], self.gamma)):
             layout.addWidget(QLabel(label))
             layout.addWidget(box)

@@ -15,6 +15,7 @@ from hydra_viewer.ui.actions import Actions, add_camera_actions, add_paint_actio
 from hydra_viewer.ui.bars import MessageBar, ProgressRow
 from hydra_viewer.ui.brush_panel import BrushPanel
 from hydra_viewer.ui.cheat_sheet import CheatSheet
+from hydra_viewer.ui.display_menu import FalseColorLegend
 from hydra_viewer.ui.filing import Filing
 from hydra_viewer.ui.painting_widget import PaintingWidget
 from hydra_viewer.ui.sentence_panel import SentencePanel
@@ -117,6 +118,9 @@ class Window(QMainWindow):
         view.addSeparator()
         self.viewport_menu = ViewportMenu(self.painting.canvas, self)
         view.addMenu(self.viewport_menu)
+        view.addMenu(self.view_bar.display_menu)
+        self.addActions([*self.view_bar.display_menu.channels.values(), self.view_bar.display_menu.reset])
+        self.legend = FalseColorLegend(self.easel, self.painting.canvas)
         view.addSeparator()
         for dock in self.findChildren(QDockWidget):
             view.addAction(dock.toggleViewAction())

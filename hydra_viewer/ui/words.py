@@ -147,6 +147,17 @@ DRAWN = {"outline": "Strokes outlined", "paint": "Strokes as painted", "hidden":
 DRAWN_TIP = "How strokes are drawn over the picture"
 EXPOSURE = ("Exposure", "Stops, before the view; nothing that is saved changes")
 GAMMA = ("Gamma", "Exponent after the view; nothing that is saved changes")
+DISPLAY, DISPLAY_PARTS, NO_LOOK = "&Display", ("&Display device", "&View", "&Look"), "the view's own"
+DISPLAY_TIP = "How the picture is brought to the screen; nothing that is saved changes"
+CHANNELS = {  # name, what its tooltip adds, key
+    "color": ("&Colours", "All channels through the view", "Shift+C"),
+    "red": ("&Red", "The red channel as grey; once more: the colours", "Shift+R"),
+    "green": ("&Green", "The green channel as grey; once more: the colours", "Shift+G"),
+    "blue": ("&Blue", "The blue channel as grey; once more: the colours", "Shift+B"),
+    "luminance": ("L&uminance", "How bright it is, as grey; once more: the colours", "Shift+L"),
+    "false_color": ("&False colour", "Stops about middle grey, after exposure; once more: the colours", "Shift+F"),
+}
+RESET_DISPLAY = ("R&eset exposure and gamma", "", "Shift+E")
 FRAME_ALL = ("Frame &all", "Look at everything")
 THROUGH = ("Look through the first &camera", "Back to the shot's own camera")
 WIDER = ("&Wider brush", "")
