@@ -281,3 +281,17 @@ __kernel void difference(__global const float *old, __global const float *now, c
     difference[2 * e] = sum_lanes(apart);
     difference[2 * e + 1] = sum_lanes(all);
 }
+
+/* the light that each element sends
+ * outgoing (N, D, 3)
+ * sum      (N): result, over bins and channels
+ */
+__kernel void sum_of_elements(__global const float *outgoing, const uint count, __global float *sum)
+{
+    uint e = get_global_id(0);
+    if (e >= count) return;
+    __global const float *of = outgoing + (size_t)e * D_BINS * 3;
+    float16 all = 0.0f;
+    for (int k = 0; k < D_BINS * 3; k += 16) all += fabs(vload16(0, of + k));
+    sum[e] = sum_lanes(all);
+}

@@ -29,7 +29,7 @@ from usdslf.inference.answer_residuals import residual_as_written
 from usdslf.inference.answers import Pool
 from usdslf.inference.asked import asked_of
 from usdslf.inference.changes import with_varying
-from usdslf.light_field.light_field import Surface
+from usdslf.light_field.surface import Surface
 from usdslf.progress import step, tell, tell_during
 from usdslf.render.live.picture import LivePicture
 from usdslf.render.picture import LitScene, PictureOptions, render_bands

@@ -14,7 +14,8 @@ from reference import phong_solver as ref
 from reference.preconvolution import exact_row
 
 from usdslf.gpu.device import Device
-from usdslf.light_field.light_field import LightField, levels_of
+from usdslf.light_field.blocks import levels_of
+from usdslf.light_field.light_field import LightField
 from usdslf.light_field.links import ESCAPES
 from usdslf.light_field.preconvolution import build_level
 from usdslf.sampling.hemisphere import D, bin_directions

@@ -11,7 +11,7 @@ from kit.stage_parts import StageBuilder, ball, rectangle
 from pxr import Usd, UsdGeom
 
 from usdslf.elements.elements import refresh_reflectance
-from usdslf.light_field.light_field import Surface
+from usdslf.light_field.surface import Surface
 from usdslf.session import Session
 from usdslf.stylize.element_solve import follows_f0
 from usdslf.stylize.unsharp_mask import take_misfit

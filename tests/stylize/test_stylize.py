@@ -14,8 +14,8 @@ from reference.stylize import masked_light, near_weights
 
 from usdslf.errors import AuthorError, InputError
 from usdslf.gpu.device import Device
-from usdslf.light_field.light_field import Surface
 from usdslf.light_field.links import ESCAPES
+from usdslf.light_field.surface import Surface
 from usdslf.sampling.hemisphere import D
 from usdslf.scene.records import Light
 from usdslf.stylize.surroundings import Surroundings, find_surroundings

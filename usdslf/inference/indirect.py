@@ -30,8 +30,9 @@ from usdslf.inference.residuals import relative_rms
 from usdslf.inference.solve import relative_error
 from usdslf.inference.tools import asks_for_nothing, expected_error
 from usdslf.inference.weights import Options
-from usdslf.light_field.light_field import LightField, Surface
+from usdslf.light_field.light_field import LightField
 from usdslf.light_field.links import element_of, is_link
+from usdslf.light_field.surface import Surface
 from usdslf.scene.records import Scene
 from usdslf.strokes.stroke import Stroke
 from usdslf.surfaces.reflectance import Parameters

@@ -24,7 +24,8 @@ from usdslf.inference.least_squares import bounded_least_squares
 from usdslf.inference.receivers import F64, Receiver, carried, present_radiance, rows_in_sight
 from usdslf.inference.residuals import relative_scale
 from usdslf.inference.weights import Options
-from usdslf.light_field.light_field import LightField, Surface
+from usdslf.light_field.light_field import LightField
+from usdslf.light_field.surface import Surface
 from usdslf.surfaces.reflectance import Parameters, column_weights
 
 MOST_STEPS = 8  # of Gauss and Newton, each under new light

@@ -22,8 +22,9 @@ from usdslf.inference.bilinear import TEXTURED, Bilinear, Tables
 from usdslf.inference.evidence import Evidence, evaluate_columns, mean_by, unchanging_radiance
 from usdslf.inference.residuals import relative_scale
 from usdslf.inference.samples import SHARPEST
-from usdslf.light_field.light_field import LightField, Surface
+from usdslf.light_field.light_field import LightField
 from usdslf.light_field.links import element_of, is_link
+from usdslf.light_field.surface import Surface
 from usdslf.scene.records import Scene
 from usdslf.surfaces.reflectance import column_weights, columns, is_metal, lobe_parameter, model_of
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from copy import copy
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -21,55 +21,18 @@ from numpy.typing import NDArray
 from usdslf.elements.elements import Elements
 from usdslf.elements.lookup import DeviceLookup, ElementLookup
 from usdslf.gpu.device import Device
+from usdslf.light_field.blocks import LANES, Blocks, blocks_of_surface, blocks_of_weights, levels_of
 from usdslf.light_field.links import follow_links, link_rays
 from usdslf.light_field.preconvolution import LevelKernel, build_level, fresnel_diffuse
+from usdslf.light_field.surface import CHANGED, Surface, changed_rows
 from usdslf.light_field.symmetry import QUARTER, blocks_of
 from usdslf.light_field.visibility import Visibility
 from usdslf.progress import tell
 from usdslf.sampling.hemisphere import D, bin_directions
-from usdslf.surfaces.reflectance import LEVEL_COUNT, column_weights, model_of, roughness_levels
+from usdslf.surfaces.reflectance import roughness_levels
 
-LANES = 16
 CHUNK_BLOCKS = 24  # blocks whose light stays in the caches of a CPU
 LAUNCHED = 4  # chunks that are waited for, so that work can be cancelled between them
-
-
-@dataclass(frozen=True)
-class Surface:
-    """Reflectance of the elements, the part of them that an edit changes.  N elements, float32."""
-
-    diffuse: NDArray  # (N, 3) d
-    f0: NDArray  # (N, 3)
-    f90: NDArray  # (N, 3)
-    roughness: NDArray  # (N,)
-    emission: NDArray  # (N, 3)
-    clearcoat: NDArray  # (N,)
-    clearcoat_roughness: NDArray  # (N,)
-    coat_f0: NDArray  # (N,)
-
-    @staticmethod
-    def of(elements: Elements) -> Surface:
-        """Takes the reflectance that the elements were sampled with."""
-        return Surface(**{f.name: np.asarray(getattr(elements, f.name), np.float32) for f in fields(Surface)})
-
-    def with_rows(self, rows: NDArray, **values: NDArray) -> Surface:
-        """Returns a copy in which `rows` (boolean or index) have other values."""
-        new = {}
-        for name, value in values.items():
-            array = np.array(getattr(self, name))
-            array[rows] = value
-            new[name] = array
-        return replace(self, **new)
-
-
-@dataclass(frozen=True)
-class _Blocks:
-    """Blocks of one level: `order_d` (blocks * 16), `parameters_d` (blocks, 12, 16)."""
-
-    level: int
-    count: int
-    order_d: Any
-    parameters_d: Any
 
 
 @dataclass
@@ -128,7 +91,7 @@ class LightField:
         self.folded_y_d = device.upload(blocks_of(y))
         self._levels: dict[float, tuple[LevelKernel, dict[str, Any]]] = {}
         self.surface = Surface.of(elements)
-        self._blocks: list[_Blocks] = []
+        self.waits = np.full(n, CHANGED, np.float32)  # light that came since each element reflected: renewal.py
         self.set_surface(self.surface)
 
     def with_surface(self, surface: Surface) -> LightField:
@@ -137,8 +100,9 @@ class LightField:
         Links, fixed light and what comes with them are shared and never change; outgoing radiance is its own, so that
         neither is seen by who looks at the other.
         """
+        vars(self).setdefault("sent", self.sent)  # found once, the copy has it too
         other = copy(self)
-        other.outgoing_d, other._scratch_d = self.outgoing_d.copy(), None
+        other.outgoing_d, other._scratch_d, other.waits = self.outgoing_d.copy(), None, self.waits.copy()
         if surface is not self.surface:
             other.set_surface(surface)
         return other
@@ -156,6 +120,7 @@ class LightField:
     def set_radiance(self, radiance: NDArray) -> None:
         """Takes an outgoing radiance (N, D, 3) that was found before, where it is another than that of now."""
         self.outgoing_d = self.device.upload(np.ascontiguousarray(radiance, np.float32))
+        self.waits[:] = 0
 
     def rest(self) -> None:
         """Gives memory back that only bounces need."""
@@ -167,46 +132,16 @@ class LightField:
             self._scratch_d = _Scratch.of(self.device, len(self.elements))
         return self._scratch_d
 
+    @property
+    def next_d(self) -> Any:
+        """Array (N, D, 3) that the next light field, or a part of it, is made in; nobody's between bounces."""
+        return self._scratch.next_d
+
     def set_surface(self, surface: Surface) -> None:
         """Gives the elements another reflectance; the light field follows with the next bounces."""
+        self.waits[changed_rows(self.surface, surface)] = CHANGED
         self.surface = surface
         self.emission_d = self.device.upload(surface.emission)
-        self._blocks = self._make_blocks(surface)
-
-    def _make_blocks(self, s: Surface) -> list[_Blocks]:
-        n = len(s.roughness)
-        weights = column_weights(self.model, s.diffuse, s.f0, s.f90).reshape(n, 12)
-        diffuse, lobe = weights[:, :6], weights[:, 6:]
-        low, share = levels_of(s.roughness)
-        everyone = np.arange(n)
-        rows = [
-            (everyone, low, np.concatenate([diffuse, lobe * (1 - share)[:, None]], 1)),
-            (everyone, low + 1, np.concatenate([0 * diffuse, lobe * share[:, None]], 1)),
-        ]
-        if np.any(s.clearcoat > 0) and model_of(self.model).has_coat:
-            coat = np.repeat(np.stack([s.clearcoat * s.coat_f0, s.clearcoat], 1), 3, axis=1)
-            low, share = levels_of(s.clearcoat_roughness)
-            rows += [
-                (everyone, low, np.concatenate([0 * diffuse, coat * (1 - share)[:, None]], 1)),
-                (everyone, low + 1, np.concatenate([0 * diffuse, coat * share[:, None]], 1)),
-            ]
-        return self._blocks_of(*(np.concatenate(x) for x in zip(*rows, strict=True)))
-
-    def _blocks_of(self, element: NDArray, level: NDArray, parameter: NDArray) -> list[_Blocks]:
-        """Packs rows of element (r,), level (r,) and weights of the columns (r, 12) into blocks."""
-        used = np.any(parameter != 0, axis=1)
-        element, level, parameter = element[used], level[used], parameter[used]
-        blocks = []
-        for j in np.unique(level):
-            for part in _without_repeats(np.nonzero(level == j)[0], element):
-                count = -(-len(part) // LANES)
-                order = np.full(count * LANES, -1, np.int32)
-                order[: len(part)] = element[part]
-                p = np.zeros((count * LANES, 12), np.float32)
-                p[: len(part)] = parameter[part]
-                p = np.ascontiguousarray(p.reshape(count, LANES, 12).transpose(0, 2, 1))
-                blocks.append(_Blocks(int(j), count, self.device.upload(order), self.device.upload(p)))
-        return blocks
 
     def level(self, j: int) -> tuple[LevelKernel, dict[str, Any]]:
         """Returns the weights of a roughness level, and its arrays on the device by name."""
@@ -228,11 +163,12 @@ class LightField:
         device, n, scratch = self.device, len(self.elements.position), self._scratch
         kernel = lambda name, **c: device.kernel("light_field", name, **c)  # noqa: E731
         kernel("emit", LOBE=0)((_up(n * D),), (64,), self.emission_d, np.uint32(n * D), scratch.next_d)
-        self._reflect(self._blocks)
+        self.reflect(blocks_of_surface(device, self.surface, self.model, np.arange(n)))
         kernel("difference", LOBE=0)(
             (_up(n),), (64,), self.outgoing_d, scratch.next_d, np.uint32(n), scratch.difference_d
         )
         self.outgoing_d, scratch.next_d = scratch.next_d, self.outgoing_d
+        self.waits[:] = 0
         apart, total = device.download(scratch.difference_d).sum(0, dtype=np.float64)
         return float(apart / total) if total > 0 else 0.0
 
@@ -251,13 +187,12 @@ class LightField:
         upper[:, 6:] *= share[:, None]
         upper[:, :6] = 0
         self.device.clear(self._scratch.next_d)
-        self._reflect(
-            self._blocks_of(np.tile(element, 2), np.concatenate([low, low + 1]), np.concatenate([lower, upper]))
-        )
+        levels, both = np.concatenate([low, low + 1]), np.concatenate([lower, upper])
+        self.reflect(blocks_of_weights(self.device, np.tile(element, 2), levels, both))
         return self._scratch.next_d
 
-    def _reflect(self, chosen: list[_Blocks]) -> None:
-        """Adds what blocks send out, under the light that arrives now, to the next light field."""
+    def reflect(self, chosen: list[Blocks]) -> None:
+        """Adds to `next_d` what blocks send out, under the light that arrives now."""
         device, scratch = self.device, self._scratch
         kernel = lambda name, **c: device.kernel("light_field", name, **c)  # noqa: E731
         launched = 0
@@ -298,6 +233,15 @@ class LightField:
             if change < tolerance:
                 return
 
+    @cached_property
+    def sent(self) -> NDArray[np.float64]:
+        """Light that each element (N,) sent when this was asked first: what tolerances are of; others start with it."""
+        device, n = self.device, len(self.elements)
+        sum_d = device.empty((n,), np.float32)
+        kernel = device.kernel("light_field", "sum_of_elements", LOBE=0)
+        kernel((_up(n),), (64,), self.outgoing_d, np.uint32(n), sum_d)
+        return device.download(sum_d).astype(np.float64)
+
     def start_from(self, other: LightField) -> None:
         """Starts the iterations from another light field, element by element; those beyond it start dark.
 
@@ -306,6 +250,7 @@ class LightField:
         n = min(len(self.elements), len(other.elements))
         self.device.clear(self.outgoing_d)
         self.outgoing_d[:n] = other.outgoing_d[:n]
+        self.waits[:] = CHANGED
 
     def incident(self, element: NDArray) -> NDArray[np.float32]:
         """Returns the light (n, D, 3) that arrives now in the bins of some elements (n,)."""
@@ -355,22 +300,6 @@ def require_memory(device: Device, elements: int) -> None:
     """Raises MemoryError_ where the light field of so many elements does not fit a device."""
     field = elements * D * 3 * 4
     device.require(3 * field + elements * D * 4, f"{elements} elements", field)
-
-
-def levels_of(roughness: NDArray) -> tuple[NDArray, NDArray]:
-    """Returns the lower level (n,) of roughness (n,), and the share (n,) of the level above it."""
-    x = np.clip(np.asarray(roughness, np.float64) * LEVEL_COUNT - 1, 0, LEVEL_COUNT - 1)
-    low = np.minimum(np.floor(x + 1e-3).astype(np.int64), LEVEL_COUNT - 2)
-    share = np.clip(x - low, 0, 1)
-    return low, np.where(share < 2e-2, 0, share)
-
-
-def _without_repeats(rows: NDArray, element: NDArray) -> Iterator[NDArray]:
-    """Splits rows so that no element comes twice in one part: lanes of one launch must not share an element."""
-    while len(rows):
-        _, first = np.unique(element[rows], return_index=True)
-        yield rows[np.sort(first)]
-        rows = np.delete(rows, first)
 
 
 def _up(n: int) -> int:

@@ -27,7 +27,8 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from usdslf.light_field.light_field import LANES, LightField, levels_of
+from usdslf.light_field.blocks import LANES, levels_of
+from usdslf.light_field.light_field import LightField
 from usdslf.light_field.preconvolution import LevelKernel
 from usdslf.progress import tell
 from usdslf.sampling.hemisphere import D

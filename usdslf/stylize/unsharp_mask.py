@@ -26,7 +26,8 @@ from scipy.spatial import cKDTree
 from usdslf.edits.edits import FREED
 from usdslf.elements.elements import Elements
 from usdslf.errors import AuthorError, InputError
-from usdslf.light_field.light_field import LightField, Surface
+from usdslf.light_field.light_field import LightField
+from usdslf.light_field.surface import Surface
 from usdslf.progress import tell
 from usdslf.sampling.blue_noise import surface_coordinates
 from usdslf.sampling.hemisphere import D, bin_directions

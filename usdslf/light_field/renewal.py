@@ -1,0 +1,127 @@
+"""Renewal: a light field follows an edit where it changes, and stays as it is where it does not.
+
+    renew(field, bounces, tolerance) -> Renewal
+
+Elements whose reflectance changed reflect anew, L_o = L_e + K (L_fixed + G L_o); then those that see enough of the
+change, and so on.  What has arrived at an element since it reflected last waits there, as the estimate
+
+    w_e = rho_e sum_d c_d |dL(hit_ed)|          c: cosines of its D bins, of sum 1; rho: its albedo
+
+of how much its mean radiance would change.  In each bounce those that matter least wait, as long as
+
+    sum_e m_e w_e < tolerance sum_e m_e |L_e|       m: how much an element matters, 1 or `seen_from`
+
+together; what waits is not forgotten, so that small steps add up.  An element that is renewed is exact for the light of
+now, whatever waited: nothing drifts.
+
+Source: Nguyen et al. 2013, 5.2; Cohen et al. 1988 (progressive radiosity: shoot what is unshot, the largest first).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from usdslf.light_field.blocks import blocks_of_surface
+from usdslf.light_field.light_field import LightField
+from usdslf.light_field.links import element_of, is_link
+from usdslf.light_field.surface import CHANGED, albedo
+from usdslf.progress import tell
+from usdslf.sampling.hemisphere import D
+
+TOLERANCE = 1e-3  # of the light field (L1), that may wait
+KEPT_WAITING = 0.7  # of the tolerance: that a bounce leaves, so that what it sends may be the last
+GROUP = 64  # work-items of a group
+
+
+@dataclass(frozen=True)
+class Renewal:
+    """What was renewed.
+
+    Attributes:
+        elements: that reflected anew, by bounce.
+        left: light that waits, of all that matters.
+    """
+
+    elements: tuple[int, ...]
+    left: float
+
+
+def renew(
+    field: LightField, bounces: int, tolerance: float = TOLERANCE, matters: NDArray | None = None
+) -> Renewal:
+    """Lets a light field follow its reflectance.
+
+    Args:
+        field: its `outgoing_d` changes in place.
+        bounces: at most; what waits then stays.
+        tolerance: of the light that matters, 0 and above, that may wait.
+        matters: (N,) how much each element does, of any scale; None: all alike.
+    """
+    counts: list[int] = []
+    weight = np.ones(len(field.elements)) if matters is None else np.asarray(matters, np.float64)
+    light = float(weight @ field.sent)
+    for _ in range(bounces):
+        waits = _weighed(field.waits, weight)
+        if waits.sum() <= tolerance * light:
+            break
+        rows = _due(waits, KEPT_WAITING * tolerance * light)
+        _reflect_anew(field, rows)
+        counts.append(len(rows))
+        tell()
+    left = float(np.minimum(_weighed(field.waits, weight), light).sum())
+    return Renewal(tuple(counts), left / light if light > 0 else 0.0)
+
+
+def seen_from(links: NDArray, weights: NDArray, reflects: NDArray) -> NDArray[np.float64]:
+    """Returns how much elements (N,) matter to who sees them along rays, by their share of the rays.
+
+    Light that comes by way of others is as if it came from everywhere: all elements share alike in what those that are
+    seen reflect.
+
+    Args:
+        links, weights: (n, BLEND) of the rays; may be several rays' of several strokes, one after another.
+        reflects: (N,) albedo of the elements.
+    """
+    named = is_link(links)
+    share = np.bincount(element_of(links[named]), weights[named], minlength=len(reflects)).astype(np.float64)
+    reflected = float(share @ reflects) / max(1 - float(reflects.mean()), 0.1)
+    return share + reflected / len(reflects)
+
+
+def _weighed(waits: NDArray, weight: NDArray) -> NDArray[np.float64]:
+    """What waits as it matters; where the reflectance changed, it does to everybody."""
+    is_changed = waits == CHANGED
+    return np.where(is_changed, CHANGED, np.where(is_changed, 0, waits) * weight)
+
+
+def _due(waits: NDArray, allowed: float) -> NDArray[np.int64]:
+    """Elements that reflect now: all but those with the least, as long as together these are below what is allowed."""
+    some = np.flatnonzero(waits)
+    some = some[np.argsort(waits[some], kind="stable")]
+    first = int(np.searchsorted(np.cumsum(waits[some], dtype=np.float64), allowed, side="right"))
+    return np.sort(some[first:])
+
+
+def _reflect_anew(field: LightField, rows: NDArray) -> None:
+    """Lets some elements reflect the light of now, and adds what arrives of the change to what waits elsewhere."""
+    device, n, count = field.device, len(field.elements), len(rows)
+    kernel = lambda name: device.kernel("renewal", name)  # noqa: E731
+    rows_d, next_d = device.upload(rows.astype(np.int32)), field.next_d
+    kernel("emit_rows")((_up(count * D),), (GROUP,), rows_d, field.emission_d, np.uint32(count * D), next_d)
+    field.reflect(blocks_of_surface(device, field.surface, field.model, rows))
+    kernel("take_rows")((_up(count),), (GROUP,), rows_d, np.uint32(count), next_d, field.outgoing_d)
+    is_new = np.zeros(n, np.int32)
+    is_new[rows] = 1
+    arriving_d = device.empty((n,), np.float32)
+    kernel("arriving_change")(
+        (_up(n),), (GROUP,), field.hit_d, device.upload(is_new), next_d, field.cosine_d, np.uint32(n), arriving_d
+    )
+    field.waits[rows] = 0
+    field.waits += D * albedo(field.surface) * device.download(arriving_d)
+
+
+def _up(n: int) -> int:
+    return -(-n // GROUP) * GROUP
