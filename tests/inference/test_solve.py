@@ -12,7 +12,7 @@ from reference.reflectance import frame_about
 from usdslf.inference.bilinear import Tables, pool_tables
 from usdslf.inference.candidate import Candidate
 from usdslf.inference.evidence import Evidence
-from usdslf.inference.fit import whiten
+from usdslf.inference.fit import Problem, Specular, Way, fit, fit_robustly, relative_residuals, whiten
 from usdslf.inference.solve import enumerate_candidates, refit, refit_problem, relative_error
 from usdslf.inference.weights import Options
 from usdslf.strokes.stroke import Stroke
@@ -360,6 +360,24 @@ def test_phong_without_noise_is_the_papers_closed_form(world: World, levels: dic
         chosen = refit(refit_problem(tables), next(c for c in candidates if c.id == name))
         diffuse, f0, _ = look_of(tables, chosen)
         np.testing.assert_allclose(np.stack([diffuse, f0], 1), expected, atol=2e-4)
+
+
+def test_levels_that_are_fitted_together_are_fitted_each_for_itself(world: World, levels: dict) -> None:
+    look = replace(PLASTIC, diffuse=(0.6, 0.1, 0.1), f0=(0.3, 0.1, 0.05))
+    tables, *_ = solved(painted(world, levels, PLASTIC, look))
+    tables = replace(tables, target=tables.target * np.random.default_rng(3).uniform(0.6, 1.4, tables.target.shape))
+    problem, every = Problem.of(tables, Options()), range(tables.own + 1)
+    for way in (Way(True), Way(False, Specular.GREY), Way(True, Specular.COLOR), Way(True, is_factor=True)):
+        for how in (fit, fit_robustly):
+            together = how(problem, way, every)
+            for level in every:
+                alone = how(problem, way, (level,))
+                np.testing.assert_allclose(together.dd[level], alone.dd[0], rtol=1e-3, atol=1e-4)
+                np.testing.assert_allclose(together.df[level], alone.df[0], rtol=1e-3, atol=1e-4)
+                np.testing.assert_allclose(together.misfit[level], alone.misfit[0], rtol=1e-4)
+        c = way.candidate(together.dd[2], together.df[2], 2)
+        r = problem.white @ relative_residuals(tables, c).reshape(-1)
+        np.testing.assert_allclose(problem.misfit(r), together.misfit[2], rtol=1e-9)
 
 
 @pytest.mark.parametrize("change", [{"diffuse": (0.95, 0.9, 0.9)}, {"f0": (0.9, 0.9, 0.9)}, {"roughness": 0.5}])

@@ -14,14 +14,16 @@ Source: Nguyen et al. 2013, 5.3 (Eqs. 3 to 6), pooled over the stroke; Holland a
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from enum import Enum
 
 import numpy as np
+from numpy.typing import NDArray
 
 from usdslf.inference.bilinear import Bilinear, Tables
 from usdslf.inference.candidate import GROUPS, Candidate, is_grey
-from usdslf.inference.least_squares import bounded_least_squares
+from usdslf.inference.least_squares import bounded_solutions
 from usdslf.inference.weights import Options
 from usdslf.scene.records import F64
 
@@ -90,12 +92,36 @@ class Way:
 
 
 @dataclass(frozen=True)
-class Fitted:
-    """Changes of both colours (3,), and what they leave of the dabs."""
+class Fits:
+    """Changes of both colours (J, 3) at J levels, and what they leave of the dabs (J,)."""
 
     dd: F64
     df: F64
-    misfit: float
+    misfit: F64
+
+    def with_those(self, other: Fits, wins: NDArray[np.bool_]) -> Fits:
+        """Returns these, and the others where they win (J,)."""
+        dd, df = (np.where(wins[:, None], b, a) for a, b in ((self.dd, other.dd), (self.df, other.df)))
+        return Fits(dd, df, np.where(wins, other.misfit, self.misfit))
+
+    def rows(self, rows: slice) -> Fits:
+        """Returns those of some of the levels."""
+        return Fits(self.dd[rows], self.df[rows], self.misfit[rows])
+
+
+@dataclass(frozen=True)
+class _Whitened:
+    """Residuals r = rest + dd U + dF V - dd dF W, whitened: (J, m), and (J, m, 3) of the channels' own changes."""
+
+    rest: F64
+    u: F64
+    v: F64
+    w: F64
+
+    def at(self, dd: F64, df: F64) -> F64:
+        """Returns the residuals (J, m) of changes (J, 3)."""
+        both = np.concatenate([dd, df, -dd * df], 1)[..., None]
+        return self.rest + (np.concatenate([self.u, self.v, self.w], 2) @ both)[..., 0]
 
 
 @dataclass(frozen=True)
@@ -104,18 +130,44 @@ class Problem:
 
     tables: Tables
     options: Options
-    white: F64  # (3n, 3n)
+    white: F64  # (m, 3n)
+    _whitened: dict[tuple[bool, bool], _Whitened] = field(default_factory=dict, init=False, repr=False)
 
     @staticmethod
     def of(t: Tables, o: Options) -> Problem:
         """Whitens the dabs of a pool, once for all fits."""
         return Problem(t, o, whiten(t, o))
 
-    def misfit(self, r: F64) -> float:
-        """Returns the sum of squares of a whitened residual (3n,), of single dabs by the logarithm."""
-        of_dab = (r * r).reshape(-1, 3).sum(1)
+    def misfit(self, r: F64) -> F64:
+        """Returns the sum of squares of whitened residuals (..., m), of single dabs by the logarithm."""
+        of_dab = (r * r).reshape(*r.shape[:-1], -1, 3).sum(-1)
         outlier = self.options.outlier
-        return float((outlier * np.log1p(of_dab / outlier)).sum())
+        return (outlier * np.log1p(of_dab / outlier)).sum(-1)
+
+    def whitened(self, way: Way, levels: Sequence[int]) -> _Whitened:
+        """Returns the whitened tables at some levels; all levels are whitened at once, and kept."""
+        kind = way.is_factor_diffuse, way.is_factor_f0
+        if kind not in self._whitened:
+            t = self.tables
+            self._whitened[kind] = self._made_white(t.with_factors(*kind), np.ones((len(t.target), len(t.levels))))
+        whole, rows = self._whitened[kind], list(levels)
+        return _Whitened(whole.rest[rows], whole.u[rows], whole.v[rows], whole.w[rows])
+
+    def trusted(self, way: Way, levels: Sequence[int], trust: F64) -> _Whitened:
+        """Returns the same by trust (n, J) in each dab at each level, 0..1."""
+        b, rows = self.tables.with_factors(way.is_factor_diffuse, way.is_factor_f0), list(levels)
+        return self._made_white(Bilinear(b.p[:, rows], b.u[:, rows], b.v[:, rows], b.w[:, rows]), trust)
+
+    def _made_white(self, b: Bilinear, trust: F64) -> _Whitened:
+        t, (n, count) = self.tables, trust.shape
+        share = trust[..., None] / t.scale[:, None]  # (n, J, 3)
+        parts = np.zeros((n, 3, count, 10))  # a channel's change moves that channel alone
+        parts[..., 0] = ((b.p - t.target[:, None]) * share).transpose(0, 2, 1)
+        for k, x in enumerate((b.u, b.v, b.w)):
+            for channel in range(3):
+                parts[:, channel, :, 1 + 3 * k + channel] = (x * share)[..., channel]
+        white = (self.white @ parts.reshape(3 * n, -1)).reshape(-1, count, 10).transpose(1, 0, 2)
+        return _Whitened(white[..., 0], white[..., 1:4], white[..., 4:7], white[..., 7:])
 
 
 def whiten(t: Tables, o: Options) -> F64:
@@ -148,40 +200,43 @@ def relative_residuals(t: Tables, c: Candidate) -> F64:
     return (c.radiance(t) - t.target) / t.scale
 
 
-def fit_robustly(problem: Problem, way: Way, level: int) -> Fitted:
-    """Least squares again and again, with less and less trust in dabs that stay far off."""
-    best = fit(problem, way, level)
+def fit_robustly(problem: Problem, way: Way, levels: Sequence[int]) -> Fits:
+    """Least squares again and again, with less and less trust in dabs that stay far off; at each level by itself."""
+    best = fit(problem, way, levels)
     if not way.has_colors:
         return best
-    starts = [(best.dd, best.df)]
+    t, count = problem.tables, len(levels)
+    dd, df, twice = best.dd, best.df, list(levels)
     if not (way.diffuse and way.has_specular):
-        starts.append(_median_change(problem.tables, way, level))
-    for dd, df in starts:
-        for reach in TRUST:
-            off = relative_residuals(problem.tables, way.candidate(dd, df, level))
-            trust = np.sqrt(1 / (1 + (off * off).mean(1) / reach**2))
-            found = fit(problem, way, level, trust)
-            dd, df = found.dd, found.df
-            if found.misfit < best.misfit:
-                best = found
+        other = _median_change(t, way, levels)
+        dd, df, twice = np.concatenate([dd, other[0]]), np.concatenate([df, other[1]]), 2 * twice
+    b = t.with_factors(way.is_factor_diffuse, way.is_factor_f0)
+    b = Bilinear(b.p[:, twice], b.u[:, twice], b.v[:, twice], b.w[:, twice])
+    for reach in TRUST:
+        off = (b.predict(dd, df) - t.target[:, None]) / t.scale[:, None]
+        found = fit(problem, way, twice, np.sqrt(1 / (1 + (off * off).mean(2) / reach**2)))
+        dd, df = found.dd, found.df
+        for first in range(0, len(twice), count):
+            part = found.rows(slice(first, first + count))
+            best = best.with_those(part, part.misfit < best.misfit)
     return best
 
 
-def _median_change(t: Tables, way: Way, level: int) -> tuple[F64, F64]:
-    """The change that half of the dabs, weighed by how much they feel it, would have smaller, channel by channel."""
-    b = t.with_factors(way.is_factor, way.is_factor).at_level(level)
-    slope = b.u if way.diffuse else b.v
-    wanted = (t.target - b.p) / np.where(np.abs(slope) > 1e-12, slope, 1e-12)
-    weight = np.abs(slope) / t.scale
+def _median_change(t: Tables, way: Way, levels: Sequence[int]) -> tuple[F64, F64]:
+    """The changes (J, 3) that half of the dabs, weighed by how much they feel it, would have smaller, by channels."""
+    b, rows = t.with_factors(way.is_factor, way.is_factor), list(levels)
+    slope = (b.u if way.diffuse else b.v)[:, rows]
+    wanted = (t.target[:, None] - b.p[:, rows]) / np.where(np.abs(slope) > 1e-12, slope, 1e-12)
+    weight = np.abs(slope) / t.scale[:, None]
     if way.specular is Specular.GREY:
-        wanted, weight = wanted.reshape(-1, 1), weight.reshape(-1, 1)
+        wanted, weight = (x.transpose(0, 2, 1).reshape(-1, len(rows), 1) for x in (wanted, weight))
     order = np.argsort(wanted, 0)
     cumulated = np.cumsum(np.take_along_axis(weight, order, 0), 0)
     middle = (cumulated < 0.5 * cumulated[-1:]).sum(0)
     change = np.take_along_axis(np.take_along_axis(wanted, order, 0), middle[None], 0)[0] * np.ones(3)
     of_diffuse, of_f0 = bounds_of_tables(t, way.is_factor, way.is_factor)
     change = np.clip(change, *(of_diffuse if way.diffuse else of_f0))
-    return (change, np.zeros(3)) if way.diffuse else (np.zeros(3), change)
+    return (change, np.zeros_like(change)) if way.diffuse else (np.zeros_like(change), change)
 
 
 def bounds_of(color: F64, is_factor: bool, most: float = 1.0) -> tuple[F64, F64]:
@@ -196,72 +251,58 @@ def bounds_of_tables(t: Tables, of_diffuse: bool, of_f0: bool) -> tuple[tuple[F6
     return bounds_of(t.diffuse, of_diffuse, t.most_diffuse), bounds_of(t.f0, of_f0)
 
 
-def fit(problem: Problem, way: Way, level: int, trust: F64 | None = None) -> Fitted:
-    """Least squares of the whitened residual under the bounds.
+def fit(problem: Problem, way: Way, levels: Sequence[int], trust: F64 | None = None) -> Fits:
+    """Least squares of the whitened residual under the bounds, at each level by itself.
 
     Args:
-        trust: (n,) in each dab, 0..1; None: whole.
+        trust: (n, J) in each dab at each level, 0..1; None: whole.
     """
-    t, white = problem.tables, problem.white
-    b = t.with_factors(way.is_factor_diffuse, way.is_factor_f0).at_level(level)
-    bounds = bounds_of_tables(t, way.is_factor_diffuse, way.is_factor_f0)
-    dd, df = hold_energy(t, np.zeros(3), np.zeros(3), way)
-    scale = t.scale if trust is None else t.scale / trust[:, None]
-
-    def residual(dd: F64, df: F64, scale: F64) -> F64:
-        return white @ ((b.p + dd * b.u + df * b.v - dd * df * b.w - t.target) / scale).reshape(-1)
-
+    t = problem.tables
+    whole = problem.whitened(way, levels)
+    now = whole if trust is None else problem.trusted(way, levels, trust)
+    zero = np.zeros((len(levels), 3))
+    dd, df = hold_energy(t, zero, zero, way)
     rounds = STEPS if way.diffuse and way.has_specular else 2
-    r = residual(dd, df, scale)
     for _ in range(rounds if way.has_colors else 0):
-        columns, at, low, high = _linear(b, way, dd, df, scale, bounds)
-        a = white @ columns
-        x = bounded_least_squares(a, a @ at - r, low, high)
+        a, at, low, high = _linear(now, t, way, dd, df)
+        across = a.transpose(0, 2, 1)
+        normal = across @ a
+        right = normal @ at[..., None] - across @ now.at(dd, df)[..., None]
+        x = bounded_solutions(normal, right[..., 0], low, high)
         if way.diffuse:
-            dd, x = x[:3], x[3:]
+            dd, x = x[:, :3], x[:, 3:]
         if way.has_specular:
-            df = x[:3] if way.specular is Specular.COLOR else np.full(3, x[0])
+            df = x[:, :3] if way.specular is Specular.COLOR else x[:, :1] * np.ones(3)
         dd, df = hold_energy(t, dd, df, way)
-        r = residual(dd, df, scale)
-    return Fitted(dd, df, problem.misfit(residual(dd, df, t.scale)))
+    return Fits(dd, df, problem.misfit(whole.at(dd, df)))
 
 
-def _linear(
-    b: Bilinear, way: Way, dd: F64, df: F64, scale: F64, bounds: tuple[tuple[F64, F64], tuple[F64, F64]]
-) -> tuple[F64, F64, F64, F64]:
-    """Slopes (3n, k) of the residual about changes dd and dF; the k changes themselves, their least and greatest."""
+def _linear(x: _Whitened, t: Tables, way: Way, dd: F64, df: F64) -> tuple[F64, F64, F64, F64]:
+    """Slopes (J, m, k) of the residuals about changes (J, 3); the k changes (J, k), their least and greatest (k,)."""
     columns: list[F64] = []
-    at: list[float] = []
-    low: list[float] = []
-    high: list[float] = []
-    (low_d, high_d), (low_f, high_f) = bounds
+    at: list[F64] = []
+    low: list[F64] = []
+    high: list[F64] = []
+    (low_d, high_d), (low_f, high_f) = bounds_of_tables(t, way.is_factor_diffuse, way.is_factor_f0)
     if way.diffuse:
-        columns.append(_by_channel((b.u - df * b.w) / scale))
-        at, low, high = [*at, *dd], [*low, *low_d], [*high, *high_d]
+        columns.append(x.u - df[:, None] * x.w)
+        at, low, high = [*at, dd], [*low, low_d], [*high, high_d]
     if way.has_specular:
-        slope = (b.v - dd * b.w) / scale
+        slope = x.v - dd[:, None] * x.w
         if way.specular is Specular.COLOR:
-            columns.append(_by_channel(slope))
-            at, low, high = [*at, *df], [*low, *low_f], [*high, *high_f]
+            columns.append(slope)
+            at, low, high = [*at, df], [*low, low_f], [*high, high_f]
         else:
-            columns.append(slope.reshape(-1, 1))
-            at, low, high = [*at, df[0]], [*low, low_f.max()], [*high, high_f.min()]
-    return np.concatenate(columns, 1), np.array(at), np.array(low), np.array(high)
-
-
-def _by_channel(slope: F64) -> F64:
-    """Slopes (n, 3) of three channels, each by a change of its own: (3n, 3)."""
-    out = np.zeros((len(slope), 3, 3))
-    each = np.arange(3)
-    out[:, each, each] = slope
-    return out.reshape(-1, 3)
+            columns.append(slope.sum(2, keepdims=True))
+            at, low, high = [*at, df[:, :1]], [*low, low_f.max(keepdims=True)], [*high, high_f.min(keepdims=True)]
+    return np.concatenate(columns, 2), np.concatenate(at, 1), np.concatenate(low), np.concatenate(high)
 
 
 def hold_energy(t: Tables, dd: F64, df: F64, way: Way) -> tuple[F64, F64]:
     """Scales what a change of phong's k_d and k_s frees until both reflect no more than arrives.
 
-    One free parameter is lowered alone, two are scaled alike; a grey k_s stays grey.  preview_surface cannot gain
-    energy.  Source: Nguyen et al. 2013, 5.3.
+    Changes are (..., 3).  One free parameter is lowered alone, two are scaled alike; a grey k_s stays grey.
+    preview_surface cannot gain energy.  Source: Nguyen et al. 2013, 5.3.
     """
     if not t.must_hold_energy or not way.has_colors:
         return dd, df
@@ -278,7 +319,7 @@ def hold_energy(t: Tables, dd: F64, df: F64, way: Way) -> tuple[F64, F64]:
         dd = k_d / np.maximum(t.diffuse, 1e-12) - 1 if way.is_factor_diffuse else k_d - t.diffuse
     if way.has_specular:
         df = k_s / np.maximum(t.f0, 1e-12) - 1 if way.is_factor_f0 else k_s - t.f0
-        df = np.full(3, df.min()) if way.specular is Specular.GREY else df
+        df = df.min(-1, keepdims=True) * np.ones(3) if way.specular is Specular.GREY else df
     return dd, df
 
 

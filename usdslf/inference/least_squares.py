@@ -10,23 +10,37 @@ RIDGE = 1e-9  # of the mean square of a column, which keeps parallel columns apa
 
 
 def bounded_least_squares(a: F64, b: F64, low: F64, high: F64) -> F64:
-    """Returns x (k,) that lowers |a x - b|^2 within bounds: what leaves them is fixed there and the rest solved again.
-
-    What was fixed is not let go again, so that k rounds are enough; where several unknowns of columns that are far
-    from orthogonal meet their bounds, the least square within them may be a little lower.
+    """Returns x (k,) that lowers |a x - b|^2 within bounds; see `bounded_solutions`.
 
     Args:
         a, b: (m, k) and (m,), m >= k.
         low, high: (k,), low <= high.
     """
-    free = np.ones(len(low), bool)
-    x = np.clip(np.zeros(len(low)), low, high)
-    for _ in range(len(low)):
-        if not free.any():
-            break
-        normal = a[:, free].T @ a[:, free]
-        normal[np.diag_indices_from(normal)] += RIDGE * (np.trace(normal) / len(normal) + 1e-30)
-        x[free] = np.linalg.solve(normal, a[:, free].T @ (b - a[:, ~free] @ x[~free]))
+    return bounded_solutions((a.T @ a)[None], (a.T @ b)[None], low, high)[0]
+
+
+def bounded_solutions(normal: F64, right: F64, low: F64, high: F64) -> F64:
+    """Returns x (J, k) that lower x normal x / 2 - right x within bounds, J problems at once.
+
+    What leaves the bounds is fixed there and the rest solved again.  What was fixed is not let go again, so that k
+    rounds are enough; where several unknowns of columns that are far from orthogonal meet their bounds, the least
+    square within them may be a little lower.
+
+    Args:
+        normal, right: (J, k, k) and (J, k): of columns and what they are to make.
+        low, high: (k,), low <= high.
+    """
+    count, k = right.shape
+    free = np.ones((count, k), bool)
+    x: F64 = np.clip(np.zeros((count, k)), low, high)
+    eye = np.eye(k)
+    size = np.diagonal(normal, axis1=1, axis2=2)
+    for _ in range(k):
+        ridge = RIDGE * ((size * free).sum(1) / np.maximum(free.sum(1), 1) + 1e-30)
+        left = normal * (free[:, :, None] & free[:, None]) + eye * np.where(free, ridge[:, None], 1)[:, None]
+        held = np.where(free, 0, x)
+        wanted = np.where(free, right - (normal @ held[..., None])[..., 0], x)
+        x = np.asarray(np.linalg.solve(left, wanted[..., None])[..., 0], np.float64)
         out = free & ((x < low) | (x > high))
         x = np.clip(x, low, high)
         if not out.any():

@@ -20,6 +20,7 @@ Taylor 1989 (trust by Student's t).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -85,7 +86,8 @@ def refit_as_painted(t: Tables, o: Options, c: Candidate) -> Candidate:
         return found
     colored, errors = _refit(t, o, replace(c, freedoms=c.freedoms + 2))
     problem = Problem(as_shown(t, colored), replace(o, outlier=1e9), errors.white)
-    gain = _fitted(problem, c, colored.level).misfit - _fitted(problem, colored, colored.level).misfit
+    grey, color = (_fitted(problem, x, (colored.level,))[0] for x in (c, colored))
+    gain = grey.misfit - color.misfit
     asked = COLOR_GAIN * (2 if t.colored is Colored.MAPS and not t.is_metal else 1)
     is_colored = gain > asked and np.ptp(colored.f0_of(t.f0)) > COLORED
     return colored if is_colored else found
@@ -99,14 +101,18 @@ def _refit(t: Tables, o: Options, c: Candidate) -> tuple[Candidate, PaintErrors]
         t = as_shown(t, c)
         errors = paint_errors(t, o, c, trust)
         problem = Problem(t, replace(o, outlier=1e9), errors.white)
-        c = _between_levels(t, [_fitted(problem, c, level) for level in levels])
+        c = _between_levels(t, _fitted(problem, c, levels))
         trust = _trust(t, o, c, errors)
     return c, errors
 
 
-def _fitted(problem: Problem, c: Candidate, level: int) -> Candidate:
-    found = fit(problem, Way.of(c), level)
-    return replace(c, level=level, delta_diffuse=found.dd, delta_f0=found.df, misfit=found.misfit)
+def _fitted(problem: Problem, c: Candidate, levels: Sequence[int]) -> list[Candidate]:
+    """The candidate fitted at each of some levels."""
+    found = fit(problem, Way.of(c), levels)
+    return [
+        replace(c, level=j, delta_diffuse=found.dd[i], delta_f0=found.df[i], misfit=float(found.misfit[i]))
+        for i, j in enumerate(levels)
+    ]
 
 
 def _between_levels(t: Tables, fits: list[Candidate]) -> Candidate:

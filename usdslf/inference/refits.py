@@ -20,11 +20,11 @@ from usdslf.inference.answer_residuals import varying_residual
 from usdslf.inference.answers import Answer, Painted, means_of
 from usdslf.inference.bilinear import Tables, pool_tables
 from usdslf.inference.candidate import Candidate
-from usdslf.inference.evidence import Evidence, evaluate_columns
+from usdslf.inference.evidence import Evidence, single_columns
 from usdslf.inference.fit import Way, bounds_of_tables, hold_energy
 from usdslf.inference.paint_errors import refit_as_painted
 from usdslf.inference.samples import Samples
-from usdslf.inference.solve import refit, refit_problem, relative_error
+from usdslf.inference.solve import refit, refit_levels, refit_problem, relative_error
 from usdslf.inference.varying import as_candidate, as_spread, refit_varying
 from usdslf.inference.weights import Options
 from usdslf.light_field.light_field import LightField
@@ -66,8 +66,7 @@ def refit_tables(tables: Tables, chosen: Candidate, options: Options, painted: b
         return chosen
     if "glossiness" in chosen.freed:
         problem = refit_problem(tables, options)
-        fits = [refit(problem, replace(chosen, level=j)) for j in range(FINE_LEVELS)]
-        best = min(fits, key=lambda c: c.misfit)
+        best = min(refit_levels(problem, chosen, range(FINE_LEVELS)), key=lambda c: c.misfit)
         chosen = replace(best, roughness_shift=float(tables.levels[best.level] - tables.roughness))
     else:
         chosen = refit(refit_problem(tables, options), replace(chosen, level=tables.own))
@@ -110,7 +109,7 @@ def finer(e: Evidence, samples: Samples, field: LightField, chosen: Candidate) -
     step = np.interp(own.mean() + chosen.roughness_shift, steps, np.gradient(steps))
     shift = chosen.roughness_shift + np.linspace(-step, step, FINE_LEVELS)
     levels = np.concatenate([moved_roughness(own[:, None], shift, chosen.roughness_mean), own[:, None]], 1)
-    columns = evaluate_columns(samples, field, levels)
+    columns = single_columns(samples, field, levels)
     pad = np.repeat(e.background[:, -1:], levels.shape[1], 1)
     return replace(e, levels=levels, columns=columns, background=pad)
 
@@ -136,7 +135,7 @@ def _at_shift(e: Evidence, samples: Samples, field: LightField, chosen: Candidat
     own = e.levels[:, -1]
     levels = np.stack([moved_roughness(own, chosen.roughness_shift, chosen.roughness_mean), own], 1)
     pad = np.repeat(e.background[:, -1:], 2, 1)
-    return replace(e, levels=levels, columns=evaluate_columns(samples, field, levels), background=pad)
+    return replace(e, levels=levels, columns=single_columns(samples, field, levels), background=pad)
 
 
 def changes_of_answers(answers: list[Answer]) -> NDArray[np.float64]:

@@ -9,6 +9,7 @@ Source: Nguyen et al. 2013, 5.3 (Eqs. 3 to 6), pooled over the stroke; Schwarz 1
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -38,15 +39,16 @@ def enumerate_candidates(t: Tables, o: Options | None = None, groups: tuple[str,
     problem = Problem.of(t, o or Options())
     best: dict[tuple[str, Specular], Candidate] = {}
     for free_gloss in (False, True) if "glossiness" in groups else (False,):
-        for level in range(t.own) if free_gloss else (t.own,):
-            for diffuse in (False, True) if "diffuse" in groups else (False,):
-                for specular in _ways_of_specular(t) if "specular" in groups else (Specular.KEPT,):
-                    c = _fitted(problem, Way(diffuse, specular, free_gloss), level)
-                    if (c.id, specular) not in best or c.rank < best[c.id, specular].rank:
-                        best[c.id, specular] = c
-    found = [_fitted(problem, replace(Way.of(c), is_factor=False), c.level, robust=True) for c in best.values()]
-    found.sort(key=lambda c: c.rank)
-    return [c for i, c in enumerate(found) if c.id not in {other.id for other in found[:i]}]
+        levels = range(t.own) if free_gloss else (t.own,)
+        for diffuse in (False, True) if "diffuse" in groups else (False,):
+            for specular in _ways_of_specular(t) if "specular" in groups else (Specular.KEPT,):
+                way = Way(diffuse, specular, free_gloss)
+                found = min(_fitted(problem, way, levels), key=lambda c: c.rank)
+                if (found.id, specular) not in best or found.rank < best[found.id, specular].rank:
+                    best[found.id, specular] = found
+    robust = [_fitted(problem, replace(Way.of(c), is_factor=False), (c.level,), True)[0] for c in best.values()]
+    robust.sort(key=lambda c: c.rank)
+    return [c for i, c in enumerate(robust) if c.id not in {other.id for other in robust[:i]}]
 
 
 def _ways_of_specular(t: Tables) -> list[Specular]:
@@ -55,22 +57,24 @@ def _ways_of_specular(t: Tables) -> list[Specular]:
     return [s for s in Specular if not (is_grey and s is Specular.COLOR)]
 
 
-def _fitted(problem: Problem, way: Way, level: int, robust: bool = False) -> Candidate:
-    """One candidate with its cost: by terms or, where a texture has other colours, by factors if these explain more."""
+def _fitted(problem: Problem, way: Way, levels: Sequence[int], robust: bool = False) -> list[Candidate]:
+    """Candidates with their costs: by terms or, where a texture has other colours, by factors if these explain more."""
     t = problem.tables
     can_be_factor = t.is_textured if way.diffuse else t.is_textured_f0 and way.specular is Specular.COLOR
     how = fit_robustly if robust else fit
-    found = how(problem, way, level)
     tell()
-    if can_be_factor:
-        as_factor = how(problem, replace(way, is_factor=True), level)
-        if as_factor.misfit < found.misfit:
-            found, way = as_factor, replace(way, is_factor=True)
-    shift = float(t.levels[level] - t.roughness) if way.glossiness else 0.0
-    mean = t.roughness if way.glossiness and t.is_textured_roughness else 0.0
-    c = way.candidate(found.dd, found.df, level)
-    c = replace(c, roughness_shift=shift, roughness_mean=mean, misfit=found.misfit)
-    return replace(c, cost=score(t, problem.options, c), is_admitted=is_admitted(problem.options, c))
+    ways = (way, replace(way, is_factor=True)) if can_be_factor else (way,)
+    fits = [how(problem, w, levels) for w in ways]
+    candidates = []
+    for i, level in enumerate(levels):
+        which = int(np.argmin([f.misfit[i] for f in fits]))
+        found, kind = fits[which], ways[which]
+        shift = float(t.levels[level] - t.roughness) if way.glossiness else 0.0
+        mean = t.roughness if way.glossiness and t.is_textured_roughness else 0.0
+        c = kind.candidate(found.dd[i], found.df[i], level)
+        c = replace(c, roughness_shift=shift, roughness_mean=mean, misfit=float(found.misfit[i]))
+        candidates.append(replace(c, cost=score(t, problem.options, c), is_admitted=is_admitted(problem.options, c)))
+    return candidates
 
 
 def is_admitted(o: Options, c: Candidate) -> bool:
@@ -160,13 +164,26 @@ def refit(problem: Problem, chosen: Candidate) -> Candidate:
     Args:
         problem: of `refit_problem`, which all levels share.
     """
+    return refit_levels(problem, chosen, (chosen.level,))[0]
+
+
+def refit_levels(problem: Problem, chosen: Candidate, levels: Sequence[int]) -> list[Candidate]:
+    """Fits the chosen parameters again, at each of some levels."""
     way = Way.of(chosen)
-    found = fit_robustly(problem, way, chosen.level)
+    fits = fit_robustly(problem, way, levels)
+    freedoms = [chosen.freedoms] * len(levels)
     if way.specular is Specular.GREY and problem.tables.is_metal:  # a metal's colour, where the strokes are sure of it
-        color = fit_robustly(problem, replace(way, specular=Specular.COLOR), chosen.level)
-        if found.misfit - color.misfit > COLOR_GAIN:
-            found, chosen = color, replace(chosen, freedoms=chosen.freedoms + 2)
-    return replace(chosen, delta_diffuse=found.dd, delta_f0=found.df, misfit=found.misfit)
+        color = fit_robustly(problem, replace(way, specular=Specular.COLOR), levels)
+        is_sure = fits.misfit - color.misfit > COLOR_GAIN
+        freedoms = [f + 2 * bool(sure) for f, sure in zip(freedoms, is_sure, strict=True)]
+        fits = fits.with_those(color, is_sure)
+    return [
+        replace(
+            chosen, level=level, delta_diffuse=fits.dd[i], delta_f0=fits.df[i], misfit=float(fits.misfit[i]),
+            freedoms=freedoms[i],
+        )
+        for i, level in enumerate(levels)
+    ]  # fmt: skip
 
 
 def relative_error(t: Tables, c: Candidate) -> float:

@@ -198,7 +198,7 @@ def varying_answers(
             v, leverage = _smoothed(t, v)
             if np.ptp(v.q if form == "value" else v.of_dabs(), axis=0).max() < LEAST_STEP:
                 continue
-            misfit = problem.misfit(problem.white @ ((predicted_varying(t, v) - t.target) / t.scale).reshape(-1))
+            misfit = float(problem.misfit(problem.white @ ((predicted_varying(t, v) - t.target) / t.scale).reshape(-1)))
             c = _as_candidate(t, v, misfit, round(float(leverage.sum())))
             c = replace(c, cost=score(t, o, c) + o.variation + OVER_TEXTURE * (form == "value"))
             found.append(VaryingAnswer(c, v, _error_left_out(t, v, leverage)))
