@@ -24,6 +24,7 @@ from usdslf.inference.answer_residuals import residual_as_preview
 from usdslf.inference.answers import Answer, Painted, Pool
 from usdslf.inference.changes import changes_of
 from usdslf.inference.direct import MOST_ROUNDS, gather_stroke, infer_changes
+from usdslf.inference.first_answers import Asking
 from usdslf.inference.indirect import infer_indirect
 from usdslf.inference.weights import Options
 from usdslf.light_field.light_field import LightField
@@ -214,7 +215,9 @@ def _answers(
     direct: list[Answer] = []
     as_preview: dict[Pool, float] = {}
     if any(p.stroke.mode == "direct" for p in painted):
-        rounds = infer_changes(painted, shot.scene, field, s.weights, choose, bounces, said, s.similarity)
+        weights = s.weights or Options()
+        ask = Asking(shot.scene, field, weights, choose, bounces, s.similarity, said, shot.gathered)
+        rounds = infer_changes(painted, ask)
         for number, direct in enumerate(rounds):  # noqa: B007
             tell((number + 1) / MOST_ROUNDS)
     if not model_of(shot.model).is_authored:

@@ -13,6 +13,7 @@ from reference.solve import radiance
 
 import usdslf
 from usdslf.inference.direct import gather_strokes, infer_changes
+from usdslf.inference.first_answers import Asking
 from usdslf.session import Session
 from usdslf.strokes.stroke import Stroke
 
@@ -60,7 +61,7 @@ def changed(session: Session, *strokes: Stroke) -> tuple[list, np.ndarray, objec
     field, original = session.light_field, session.light_field.surface
     try:
         painted = gather_strokes(list(strokes), session.scene, session.tracer, field, session.light_set, [])
-        *_, answers = infer_changes(painted, session.scene, field)
+        *_, answers = infer_changes(painted, Asking(session.scene, field))
         surface = field.surface
     finally:
         field.set_surface(original)

@@ -12,8 +12,13 @@ from kit.lit_plane import FLOOR, dabs, places, seen, write_plane
 
 import usdslf
 from usdslf import solution
+from usdslf.inference import first_answers
 from usdslf.inference.answers import Painted
+from usdslf.inference.bilinear import Tables
+from usdslf.inference.evidence import Evidence
 from usdslf.inference.gathered import Gathered
+from usdslf.inference.weights import Options
+from usdslf.light_field.light_field import LightField
 from usdslf.scene.difference import look_alike
 from usdslf.session import Session
 
@@ -59,6 +64,36 @@ def test_a_stroke_is_traced_once_and_the_answer_is_that_of_a_fresh_shot(
     fresh.add_stroke(first)
     for a, b in zip(again, fresh.solve(), strict=True):
         assert look_alike(a.chosen, b.chosen) and a.residual_after == b.residual_after
+
+
+def test_a_first_answer_is_weighed_once_and_evidence_taken_once_in_the_light_as_it_is(
+    path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    weighed: list[int] = []
+    weigh, take = first_answers.enumerate_candidates, Painted.evidence
+    taken: list[str] = []
+
+    def noted(tables: Tables, options: Options) -> Any:
+        weighed.append(len(tables.target))
+        return weigh(tables, options)
+
+    def noted_too(painted: Painted, field: LightField, is_weighed: bool = True) -> Evidence:
+        taken.extend([painted.stroke.name] * is_weighed)
+        return take(painted, field, is_weighed)
+
+    monkeypatch.setattr(first_answers, "enumerate_candidates", noted)
+    monkeypatch.setattr(Painted, "evidence", noted_too)
+    shot = usdslf.open(str(path), elements=100).shot
+    first, second = painted("a", 1.3), painted("b", 0.6, scope="stroke")
+    alone = solution.find_solution(shot, [first])
+    both = solution.find_solution(shot, [second, first])
+    again = solution.find_solution(shot, [first])
+    assert weighed == [len(first.counts), len(second.counts)] and taken == ["a", "b"]
+    assert [a.pool.strokes for a in both.answers] == [(0,), (1,)]
+    assert again.answers[0].chosen.cost == alone.answers[0].chosen.cost
+    solution.find_solution(shot, [first], solution.Settings(choose={"a": "specular"}))
+    solution.find_solution(shot, [first], solution.Settings(weights=Options(group=9.0)))
+    assert len(weighed) == 4 and taken == ["a", "b"]
 
 
 def test_what_is_said_of_a_stroke_is_said_each_time(path: Path) -> None:

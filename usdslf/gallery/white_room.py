@@ -18,6 +18,7 @@ from usdslf.gallery.records import Dabs, Entry, PlayLike, Step, on_picture
 from usdslf.inference.answers import Answer
 from usdslf.inference.bilinear import pool_tables
 from usdslf.inference.direct import gather_strokes, infer_changes
+from usdslf.inference.first_answers import Asking
 from usdslf.procedural.built_shot import BuiltShot, Inputs, Lamp, Part, View
 from usdslf.procedural.shapes import ball, panel, rounded_box
 
@@ -102,7 +103,7 @@ def errors_of_rounds(play: PlayLike, step: Step) -> tuple[list[float], list[floa
     painted = gather_strokes(session.strokes, session.scene, session.tracer, field, session.light_set, [])
     error, bias = [], []
     last: list[Answer] | None = None
-    for answers in infer_changes(painted, session.scene, field, bounces=session.bounces):
+    for answers in infer_changes(painted, Asking(session.scene, field, bounces=session.bounces)):
         if answers is last:  # the round fitted worse and was not accepted
             break
         last = answers

@@ -25,7 +25,8 @@ from usdslf.strokes.stroke import Stroke
 from usdslf.surfaces.reflectance import Parameters
 
 if TYPE_CHECKING:
-    from usdslf.light_field.light_field import LightField, Surface
+    from usdslf.light_field.light_field import LightField
+    from usdslf.light_field.surface import Surface
 
 TIED_COST = 4.0  # cost between two explanations that is no difference
 
@@ -99,10 +100,15 @@ class Painted:
     samples: Samples
     rows: NDArray  # of the stroke, per dab
     wanted: NDArray | None = None  # (n, 3) what its tool asks of the light before any edit; None: its colours
+    name: str = ""  # of all that it was gathered from, on its shot; "" where that is not known
 
-    def evidence(self, field: LightField) -> Evidence:
-        """The evidence under the light of now."""
-        return build_evidence(self.stroke, self.rows, self.samples, field, self.wanted)
+    def evidence(self, field: LightField, is_weighed: bool = True) -> Evidence:
+        """The evidence under the light of now.
+
+        Args:
+            is_weighed: explanations will be weighed by it, for which unpainted directions count.
+        """
+        return build_evidence(self.stroke, self.rows, self.samples, field, self.wanted, is_weighed)
 
 
 def means_of(t: Tables, c: Candidate) -> tuple[dict[str, NDArray], dict[str, NDArray]]:

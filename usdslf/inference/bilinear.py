@@ -8,7 +8,9 @@ Source: Nguyen et al. 2013, 5.3 (Eqs. 3 to 6), pooled over the stroke.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -130,7 +132,6 @@ class _Rows:
 
     target: F64
     place: F64
-    stroke: NDArray
     has_one_color: NDArray
     swatch: NDArray
     varied: NDArray
@@ -155,14 +156,17 @@ def pool_tables(evidences: list[Evidence], material: int, model: str = "preview_
         material: into the scene's; some dab has to lie on it.
         model: name of the reflectance model that the evidence was taken with.
     """
-    parts = [part for i, e in enumerate(evidences) if len((part := _rows_of(e, material, i, model)).target)]
+    rows = [e.once(("rows", material, model), partial(_rows_of, e, material, model)) for e in evidences]
+    numbers = [i for i, part in enumerate(rows) if len(part.target)]
+    parts = [rows[i] for i in numbers]
     assert parts, "no dab on the material"
 
     def cat(name: str) -> NDArray:
         return np.concatenate([getattr(part, name) for part in parts])
 
     dabs, background = (Bilinear.joined([getattr(part, k) for part in parts]) for k in ("dabs", "background"))
-    target, stroke, levels = cat("target"), cat("stroke"), cat("levels")
+    target, levels = cat("target"), cat("levels")
+    stroke = np.repeat(numbers, [len(part.target) for part in parts])
     d, f0 = cat("diffuse"), cat("f0")
     mean = mean_by_stroke(target, stroke, dabs.p[:, -1])
     return Tables(
@@ -194,7 +198,7 @@ def pool_tables(evidences: list[Evidence], material: int, model: str = "preview_
     )
 
 
-def _rows_of(e: Evidence, material: int, index: int, model: str) -> _Rows:
+def _rows_of(e: Evidence, material: int, model: str) -> _Rows:
     n = len(e.target)
     here = np.flatnonzero(e.material == material)
     mean = lambda x: mean_by(x, e.dab_of_sample)[:n][here]  # noqa: E731
@@ -202,32 +206,28 @@ def _rows_of(e: Evidence, material: int, index: int, model: str) -> _Rows:
     d, f0, f90 = (x.astype(np.float64) for x in (s.diffuse, s.f0, s.f90))
     f0 = model_of(model).held(d, f0)[1]  # as the light field reflects it
     tied = is_metal(d, f0, f90)
-    b = bilinear(e.columns, d, f0, f90, tied, model)
-    b = Bilinear(b.p + e.coat[:, None], b.u, b.v, b.w)
     row = e.background_sample
     keep = e.material[e.dab_of_sample[row]] == material
-    other = (e.dab_of_sample >= n) & (s.material == material)
+    other = np.flatnonzero((e.dab_of_sample >= n) & (s.material == material))
+    elsewhere = bilinear(e.columns[other], d[other], f0[other], f90[other], tied, model)
+    own = bilinear(e.columns[:, -1:], d, f0, f90, tied, model).p[:, 0] + e.coat
     colors = e.target[here]
     is_even = bool((colors.std(0) <= 0.01 * colors.mean() + 1e-9).all()) if len(here) > 2 else False
     return _Rows(
         target=colors,
         place=mean(s.position.astype(np.float64)),
-        stroke=np.full(len(here), index),
         has_one_color=np.full(len(here), e.stroke.tool == "replace" and is_even),
         swatch=swatches(colors, is_even) if e.stroke.tool == "replace" else np.full(len(here), -1),
         varied=np.full(len(here), varies(e.levels[:, -1])),
-        dabs=Bilinear(mean(b.p), mean(b.u), mean(b.v), mean(b.w)),
-        factor_u=mean(b.u * d[:, None]),
-        factor_w=mean(b.w * d[:, None]),
-        factor_v=mean(b.v * f0[:, None]),
-        elsewhere=b.rows(other),
+        **_of_dabs(e, here, d, f0, f90, tied, model),
+        elsewhere=replace(elsewhere, p=elsewhere.p + e.coat[other, None]),
         background=bilinear(e.background, d[row], f0[row], f90[row], tied, model).rows(keep),
         levels=mean(e.levels),
         opacity=mean(s.opacity.astype(np.float64)),
         diffuse=mean(d),
         f0=mean(f0),
         f90=mean(f90),
-        noise=np.sqrt(_variances_of_means(b.p[:, -1], e.dab_of_sample)[:n][here]),
+        noise=np.sqrt(_variances_of_means(own, e.dab_of_sample)[:n][here]),
     )
 
 
@@ -235,6 +235,28 @@ def _variances_of_means(values: F64, group: NDArray) -> F64:
     """Variances of the means of rows by group, for every group: what one point is off says how far their mean is."""
     spread = mean_by((values - mean_by(values, group)[group]) ** 2, group)
     return spread / np.maximum(np.bincount(group), 1)[:, None]
+
+
+def _of_dabs(e: Evidence, here: NDArray, d: F64, f0: F64, f90: F64, tied: bool, model: str) -> dict[str, Any]:
+    """Means over the samples of some dabs, by the names of _Rows; d, F0, F90 (S, 3) are those of the samples."""
+    n = len(e.target)
+    mean = lambda x: mean_by(x, e.dab_of_sample)[:n][here]  # noqa: E731
+    mine = np.isin(e.dab_of_sample, here)
+    coat = mean(e.coat)[:, None]
+    if not mine.any() or max(np.ptp(x[mine], axis=0).max() for x in (d, f0, f90)) == 0:
+        of_dab = lambda x: np.broadcast_to(x[np.argmax(mine)], (len(here), 3))  # noqa: E731
+        d, f0 = of_dab(d), of_dab(f0)  # the means come first: bilinear in the columns, and all weights alike
+        b = bilinear(mean(e.columns), d, f0, of_dab(f90), tied, model)
+        d, f0 = d[:, None], f0[:, None]
+        factors = {"factor_u": b.u * d, "factor_w": b.w * d, "factor_v": b.v * f0}
+        return {"dabs": replace(b, p=b.p + coat), **factors}
+    b = bilinear(e.columns, d, f0, f90, tied, model)
+    return {
+        "dabs": Bilinear(mean(b.p) + coat, mean(b.u), mean(b.v), mean(b.w)),
+        "factor_u": mean(b.u * d[:, None]),
+        "factor_w": mean(b.w * d[:, None]),
+        "factor_v": mean(b.v * f0[:, None]),
+    }
 
 
 def swatches(colors: F64, is_even: bool) -> NDArray[np.int64]:
@@ -252,10 +274,12 @@ def swatches(colors: F64, is_even: bool) -> NDArray[np.int64]:
     return np.where(count[which] >= SHARED, which, -1)
 
 
-def bilinear(columns: F64, d: F64, f0: F64, f90: F64, tied: bool, model: str) -> Bilinear:
+def bilinear(columns: NDArray[np.floating], d: F64, f0: F64, f90: F64, tied: bool, model: str) -> Bilinear:
     """Turns columns (n, J, 4, 3) into P, U, V, W (n, J, 3) about the present parameters (n, 3).
 
     Args:
         tied: F90 changes with F0, as in a metal of the metal workflow.
     """
-    return Bilinear(*model_of(model).bilinear(columns, d[:, None], f0[:, None], f90[:, None], tied))
+    return Bilinear(
+        *model_of(model).bilinear(np.asarray(columns, np.float64), d[:, None], f0[:, None], f90[:, None], tied)
+    )

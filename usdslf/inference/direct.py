@@ -28,11 +28,10 @@ from usdslf.inference.refits import (
 )
 from usdslf.inference.samples import gather_samples
 from usdslf.inference.tools import wanted_radiance
-from usdslf.inference.weights import Options
-from usdslf.light_field.light_field import LightField, Surface
+from usdslf.light_field.light_field import LightField
+from usdslf.light_field.surface import Surface
 from usdslf.lights.sources import LightSet
 from usdslf.scene.records import Scene
-from usdslf.similarity.similarity import Weights
 from usdslf.strokes.stroke import Stroke
 
 if TYPE_CHECKING:
@@ -64,35 +63,21 @@ def gather_stroke(stroke: Stroke, scene: Scene, light: Pictured, warnings: list[
     return Painted(stroke, samples, rows, wanted_radiance(stroke, rows, samples, scene, light, warnings))
 
 
-def infer_changes(
-    painted: list[Painted],
-    scene: Scene,
-    field: LightField,
-    options: Options | None = None,
-    choose: dict[str, str] | None = None,
-    bounces: int = 6,
-    warnings: list[str] | None = None,
-    similarity: Weights | None = None,
-) -> Iterator[list[Answer]]:
+def infer_changes(painted: list[Painted], ask: Asking) -> Iterator[list[Answer]]:
     """Finds the change of every painted material; yields the answers after each round of bounces.
 
     The light field is left at the last round's state, with the changed reflectance.
 
     Args:
-        choose: stroke name -> id of the alternative to take instead of the best.
-        options: weights; their `norm` is used for strokes that say mixed.
-        warnings: takes a sentence for paint that is out of reach.
-        similarity: weights of what strokes of scope `similar` change beside the painted material.
+        ask: what all is asked under; its sentences take one for paint that is out of reach.
 
     Raises: SolveError where no stroke says anything about a material that can be changed.
     """
-    said = warnings if warnings is not None else []
-    ask = Asking(scene, field, options or Options(), choose or {}, bounces, similarity, said)
-    evidence = [p.evidence(field) for p in painted]
-    pools = sort_into_pools(evidence, scene)
+    evidence = [ask.evidence(p) for p in painted]
+    pools = sort_into_pools(evidence, ask.scene)
     if not pools:
         raise SolveError("no stroke lies on a material; paint on a surface of the shot")
-    original = field.surface
+    original = ask.field.surface
     answers, painted = first_answers(pools, evidence, painted, ask)
     yield from _rounds(answers, painted, original, ask)
 
@@ -102,8 +87,8 @@ def _rounds(answers: list[Answer], painted: list[Painted], original: Surface, as
     field, kept, kept_surface = ask.field, None, original
     step, share = changes_of_answers(answers), 1.0
     for number in range(MOST_ROUNDS):
-        _send_round(changed_surface(original, field, ask.scene, answers, painted), ask)
-        evidence = [p.evidence(field) for p in painted]
+        _send_round(changed_surface(original, field, ask.scene, answers, painted), painted, ask)
+        evidence = [p.evidence(field, is_weighed=False) for p in painted]
         answers = [after_bounce(a, evidence, painted, field) for a in answers]
         done = kept is not None and _is_settled(answers, kept)
         if kept is None or mean_residual(answers) <= mean_residual(kept) * 1.02:
@@ -119,14 +104,13 @@ def _rounds(answers: list[Answer], painted: list[Painted], original: Surface, as
         answers = [with_changes(a, x) for a, x in zip(wanted, at + share * step, strict=True)]
         answers = [while_storable(a, ask.scene) for a in answers]
     if kept_surface is not field.surface:
-        _send_round(kept_surface, ask)
+        _send_round(kept_surface, painted, ask)
 
 
-def _send_round(surface: Surface, ask: Asking) -> None:
-    """Gives the light field a reflectance, and its light."""
+def _send_round(surface: Surface, painted: list[Painted], ask: Asking) -> None:
+    """Gives the light field a reflectance, and the light that strokes see of it."""
     ask.field.set_surface(surface)
-    for _ in ask.field.converge(ask.bounces):
-        pass
+    ask.settle(ask.field, painted)
 
 
 def _is_settled(answers: list[Answer], kept: list[Answer]) -> bool:

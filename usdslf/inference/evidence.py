@@ -11,8 +11,10 @@ Source: Nguyen et al. 2013, 5.3 (Eq. 2); Veach 1997 (multiple importance samplin
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from dataclasses import field as dataclass_field
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,6 +28,7 @@ from usdslf.surfaces.surface_points import SurfacePoints
 
 BACKGROUND = 24  # unpainted directions of a dab
 SHARPEST_BACKGROUND = 0.2  # roughness; sharper lobes fall between the bins
+Made = TypeVar("Made")
 VARIED = 5e-3  # range of roughness above which it varies
 
 
@@ -42,31 +45,43 @@ class Evidence:
     dab_of_sample: NDArray[np.int64]  # (S,) 0..n-1; n and above: unpainted points seen by the same eye
     surface: SurfacePoints  # (S,)
     levels: NDArray[np.float64]  # (S, J)
-    columns: NDArray[np.float64]  # (S, J, 4, 3) X, Y, A, B
+    columns: NDArray[np.float32]  # (S, J, 4, 3) X, Y, A, B
     coat: NDArray[np.float64]  # (S, 3) radiance that no parameter of ours changes; see `unchanging_radiance`
     background_sample: NDArray[np.int64]  # (B,) the sample whose reflectance a background row has
-    background: NDArray[np.float64]  # (B, J, 4, 3)
+    background: NDArray[np.float32]  # (B, J, 4, 3)
+    _made: dict[tuple[Any, ...], Any] = dataclass_field(default_factory=dict, init=False, repr=False)
+
+    def once(self, name: tuple[Any, ...], make: Callable[[], Made]) -> Made:
+        """Returns what is made of this evidence, the same for one name."""
+        if name not in self._made:
+            self._made[name] = make()
+        made: Made = self._made[name]
+        return made
 
 
 def build_evidence(
-    stroke: Stroke, stroke_row: NDArray, samples: Samples, field: LightField, wanted: NDArray | None = None
-) -> Evidence:
+    stroke: Stroke, stroke_row: NDArray, samples: Samples, field: LightField, wanted: NDArray | None = None,
+    is_weighed: bool = True,
+) -> Evidence:  # fmt: skip
     """Turns the light that arrives now into columns, on all levels and in unpainted directions too.
 
     Args:
         wanted: (n, 3) radiance that the stroke's tool asks for; None: the stroke's colours.
+        is_weighed: False: without unpainted directions.
     """
     surface = samples.surface
     n = len(stroke_row)
     own = surface.roughness.astype(np.float64)
     first = np.searchsorted(samples.dab, np.arange(n))
     levels = sample_levels(own, float(own[samples.dab < n].mean()), field.model)
-    columns = evaluate_columns(samples, field, levels)
-    background_sample, background = _background(samples, field, levels, first)
+    columns = single_columns(samples, field, levels)
+    background_sample, background = np.zeros(0, np.int64), np.zeros((0, *columns.shape[1:]))
+    if is_weighed:
+        background_sample, background = _background(samples, field, levels, first)
     coat = unchanging_radiance(samples, field)
     target = stroke.colors[stroke_row].astype(np.float64)
     if stroke.space == "reflectance":
-        e_over_pi = mean_by(columns[:, -1, 0] + columns[:, -1, 1], samples.dab)[:n]
+        e_over_pi = mean_by(columns[:, -1, 0].astype(np.float64) + columns[:, -1, 1], samples.dab)[:n]
         target = target * e_over_pi
     if wanted is not None:
         target = wanted
@@ -103,6 +118,13 @@ def evaluate_columns(
     Args:
         model: reflects the light that arrives; default: the light field's.
     """
+    return single_columns(samples, field, levels, model).astype(np.float64)
+
+
+def single_columns(
+    samples: Samples, field: LightField, levels: NDArray, model: str | None = None
+) -> NDArray[np.float32]:
+    """Returns the same in single precision, for many levels."""
     levels = np.maximum(levels, SHARPEST)
     rows = np.arange(len(samples.eye))
     found = _columns(field, samples.eye, rows, samples.towards_d, arriving_light(samples, field), levels, model)
@@ -115,7 +137,7 @@ def evaluate_columns(
 def _columns(
     field: LightField, eye: NDArray, light_row: NDArray, towards_d: Any, light: NDArray, levels: NDArray,
     model: str | None = None,
-) -> NDArray[np.float64]:  # fmt: skip
+) -> NDArray[np.float32]:  # fmt: skip
     device, (s, j) = field.device, levels.shape
     out_d = device.empty((s, j, 4, 3), np.float32)
     model = model or field.model
@@ -126,7 +148,8 @@ def _columns(
         device.upload(by_sixteen(light)), device.upload(parameters), np.uint32(-(-light.shape[1] // 16)),
         np.uint32(j), np.uint32(s), out_d,
     )  # fmt: skip
-    return device.download(out_d).astype(np.float64)
+    found: NDArray[np.float32] = device.download(out_d)
+    return found
 
 
 def _background(samples: Samples, field: LightField, levels: NDArray, first: NDArray) -> tuple[NDArray, NDArray]:
@@ -180,11 +203,11 @@ def _radiance_beside(beside: Beside, field: LightField) -> NDArray[np.float64]:
 
 
 def mean_by(values: NDArray, group: NDArray) -> NDArray:
-    """Means of rows by group, for every group."""
+    """Means of rows by group, for every group, in double precision."""
     count = np.bincount(group)
     out = np.zeros((len(count), *values.shape[1:]))
     if (group[1:] < group[:-1]).any():
         order = np.argsort(group, kind="stable")
         values, group = values[order], group[order]
-    out[count > 0] = np.add.reduceat(values, np.searchsorted(group, np.flatnonzero(count)), axis=0)
+    out[count > 0] = np.add.reduceat(values, np.searchsorted(group, np.flatnonzero(count)), axis=0, dtype=np.float64)
     return out / count.reshape(-1, *[1] * (values.ndim - 1))

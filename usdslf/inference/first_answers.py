@@ -8,8 +8,10 @@ stored, is none where no change explains what was painted, and goes on to what i
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from dataclasses import field as dataclass_field
+from functools import partial
 
 import numpy as np
 
@@ -22,6 +24,7 @@ from usdslf.inference.bilinear import Tables, pool_tables
 from usdslf.inference.candidate import Candidate
 from usdslf.inference.evidence import Evidence
 from usdslf.inference.fit import Problem
+from usdslf.inference.gathered import Found, Gathered, name_of
 from usdslf.inference.pools import fixed_materials, pool_names
 from usdslf.inference.refits import is_painted, means_if_chosen, refit_answer
 from usdslf.inference.solve import enumerate_candidates, relative_error
@@ -30,9 +33,12 @@ from usdslf.inference.unchanged import by_own_errors, may_be_unchanged
 from usdslf.inference.varying import VaryingAnswer, as_spread, asks_to_vary, places_of_dabs, varying_answers
 from usdslf.inference.weights import Options
 from usdslf.light_field.light_field import LightField
+from usdslf.light_field.renewal import renew
 from usdslf.scene.records import Scene
 from usdslf.similarity.materials import ALL, MOST, OF_MATERIALS, alike_materials
 from usdslf.similarity.similarity import Weights, reach_of
+
+UNSEEN = 2e-3  # of the light that surfaces send to strokes, that rounds may leave out
 
 
 @dataclass(frozen=True)
@@ -40,12 +46,42 @@ class Asking:
     """What all strokes of a solve are asked under."""
 
     scene: Scene
-    field: LightField
-    options: Options
-    choose: Mapping[str, str]  # stroke name -> id of the alternative to take
-    bounces: int  # most of a round
-    similarity: Weights | None  # of what strokes of scope `similar` change beside the painted material
-    said: list[str]  # takes sentences
+    field: LightField  # of the shot as it is, where strokes have names
+    options: Options = dataclass_field(default_factory=Options)
+    choose: Mapping[str, str] = dataclass_field(default_factory=dict)  # stroke name -> id of the alternative to take
+    bounces: int = 6  # most of a round
+    similarity: Weights | None = None  # of what strokes of scope `similar` change beside the painted material
+    said: list[str] = dataclass_field(default_factory=list)  # takes sentences
+    kept: Gathered = dataclass_field(default_factory=Gathered)  # what was found before for strokes that have names
+
+    def evidence(self, painted: Painted) -> Evidence:
+        """Returns the evidence of a stroke in the light as it is."""
+        if not painted.name:
+            return painted.evidence(self.field)
+        return self.kept.once(f"evidence {painted.name}", lambda _: painted.evidence(self.field), self.said)
+
+    def settle(self, field: LightField, painted: list[Painted]) -> None:
+        """Lets light follow a change as far as strokes see it."""
+        sees = lambda p: self.kept.once(f"seen {p.name}", lambda _: p.samples.sees(self.field), [])  # noqa: E731
+        matters = np.sum([sees(p) if p.name else p.samples.sees(self.field) for p in painted], axis=0)
+        renew(field, self.bounces, UNSEEN, matters)
+
+    def of_pool(
+        self, what: str, pool: Pool, painted: list[Painted], find: Callable[[Asking], Found], *more: object
+    ) -> Found:
+        """Returns what is found once for the strokes of a pool, under its options.
+
+        Args:
+            find: is given this asking, its sentences apart.
+            more: that it depends on.
+        """
+        mine = [painted[i] for i in pool.strokes]
+        if not all(p.name for p in mine):
+            return find(self)
+        asked = (pool.material, pool.scope, pool.targets, pool.is_held, vars(self.options))
+        chosen = [self.choose.get(p.stroke.name, "") for p in mine]
+        name = name_of(what, [p.name for p in mine], asked, chosen, *more)
+        return self.kept.once(name, lambda said: find(replace(self, said=said)), self.said)
 
 
 def first_answers(
@@ -60,22 +96,37 @@ def first_answers(
     answers = [_first_answer(p, evidence, painted, ask) for p in pools]
     factors = _out_of_reach(answers, painted, ask)
     if factors:
-        dimmed = [replace(p, wanted=factors.get(i, 1.0) * e.target) for i, (p, e) in enumerate(zip(painted, evidence))]
-        painted = [dimmed[i] if i in factors else p for i, p in enumerate(painted)]
-        evidence = [p.evidence(ask.field) for p in painted]
+        painted = [
+            replace(p, wanted=factors[i] * e.target, name=p.name and name_of(p.name, factors[i])) if i in factors else p
+            for i, (p, e) in enumerate(zip(painted, evidence, strict=True))
+        ]
+        evidence = [ask.evidence(p) for p in painted]
         answers = [_first_answer(p, evidence, painted, ask) for p in pools]
-    answers = [_or_nothing(a, painted, ask) for a in answers]
-    answers = [
-        a if a.pool.is_held else replace(a, if_chosen=means_if_chosen(a, evidence, painted, ask.field, ask.options))
-        for a in answers
-    ]
+    answers = [_weighed(a, evidence, painted, ask) for a in answers]
     for i, a in enumerate(answers):  # what one change goes on to is taken for those that follow
         answers[i] = _with_alike(a, answers, evidence, painted, ask)
     return answers, painted
 
 
 def _first_answer(pool: Pool, evidence: list[Evidence], painted: list[Painted], ask: Asking) -> Answer:
-    """The best or chosen answer of a pool in the light as it is."""
+    """The best or chosen answer of a pool in the light as it is, found once."""
+    find = lambda own: _found_answer(pool, evidence, painted, own)  # noqa: E731
+    return replace(ask.of_pool("first answer", pool, painted, find), pool=pool)
+
+
+def _weighed(answer: Answer, evidence: list[Evidence], painted: list[Painted], ask: Asking) -> Answer:
+    """The first answer or none, with what the others would give, found once."""
+
+    def find(own: Asking) -> Answer:
+        a = _or_nothing(answer, painted, own)
+        if a.pool.is_held:
+            return a
+        return replace(a, if_chosen=means_if_chosen(a, evidence, painted, own.field, own.options))
+
+    return replace(ask.of_pool("weighed answer", answer.pool, painted, find), pool=answer.pool)
+
+
+def _found_answer(pool: Pool, evidence: list[Evidence], painted: list[Painted], ask: Asking) -> Answer:
     mine = [evidence[i] for i in pool.strokes]
     tables = pool_tables(mine, pool.material, ask.field.model)
     tables = replace(tables, colored=colored_specular(ask.scene.materials[pool.material]))
@@ -150,20 +201,11 @@ def _storable(
 
 def _out_of_reach(answers: list[Answer], painted: list[Painted], ask: Asking) -> dict[int, float]:
     """Factors of the strokes that are too bright even for a white surface and the light that it sends round; said."""
-    field, factors = ask.field, dict[int, float]()
-    original, as_it_was_d = field.surface, None
+    factors = dict[int, float]()
     for a in answers:
         if a.pool.is_held or not a.is_too_bright:
             continue
-        as_it_was_d = field.outgoing_d.copy() if as_it_was_d is None else as_it_was_d
-        rows = scope_rows(a.pool, field, ask.scene, painted)
-        one = np.ones(1, np.float32)
-        white = {"f0": one, "f90": one} if a.tables.is_metal else {"diffuse": one}
-        field.set_surface(original.with_rows(rows, **white))
-        for _ in field.converge(ask.bounces):
-            pass
-        mine = [painted[i].evidence(field) for i in a.pool.strokes]
-        factor = dimming(pool_tables(mine, a.pool.material, field.model))
+        factor = ask.of_pool("dimming", a.pool, painted, partial(_dimming, a, painted), ask.bounces)
         if factor == 1:
             continue
         factors |= dict.fromkeys(a.pool.strokes, factor)
@@ -172,10 +214,19 @@ def _out_of_reach(answers: list[Answer], painted: list[Painted], ask: Asking) ->
             f"{names}: painted {1 / factor:.1f} times brighter than the surface can be in this light; its hue is "
             "kept and its brightness lowered to that"
         )
-    if as_it_was_d is not None:
-        field.set_surface(original)
-        field.outgoing_d = as_it_was_d
     return factors
+
+
+def _dimming(answer: Answer, painted: list[Painted], ask: Asking) -> float:
+    """The factor that brings the paint of a pool within reach of a white surface, in the light that it sends round."""
+    start = ask.field.surface
+    rows = scope_rows(answer.pool, ask.field, ask.scene, painted)
+    one = np.ones(1, np.float32)
+    white = {"f0": one, "f90": one} if answer.tables.is_metal else {"diffuse": one}
+    field = ask.field.with_surface(start.with_rows(rows, **white))
+    ask.settle(field, [painted[i] for i in answer.pool.strokes])
+    mine = [painted[i].evidence(field, is_weighed=False) for i in answer.pool.strokes]
+    return dimming(pool_tables(mine, answer.pool.material, field.model))
 
 
 def _or_nothing(answer: Answer, painted: list[Painted], ask: Asking) -> Answer:

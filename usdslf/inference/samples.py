@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 from usdslf.inference.footprint import Mixture, footprint, is_of_picture, mixed_footprint
 from usdslf.inference.pictured import Pictured
 from usdslf.light_field.light_field import LightField
+from usdslf.light_field.renewal import seen_from
+from usdslf.light_field.surface import albedo
 from usdslf.lights.sources import LightSet
 from usdslf.progress import tell
 from usdslf.sampling.frames import frames_about
@@ -56,6 +58,12 @@ class Samples:
     ray_count: int  # of the K, those that are rays and not light samples
     weight: NDArray[np.float64] | None = None  # (S,) share of what it sends that its dab shows, in its light already
     beside: Beside | None = None  # what else its dabs show
+
+    def sees(self, field: LightField) -> NDArray[np.float64]:
+        """Returns how much each element (N,) matters to what is seen here."""
+        links, weights = (field.device.download(x) for x in (self.links_d, self.weights_d))
+        found = seen_from(links, weights, albedo(field.surface))
+        return found if self.beside is None or self.beside.samples is None else found + self.beside.samples.sees(field)
 
 
 @dataclass(frozen=True)
