@@ -8,18 +8,22 @@ set they fail instead.  `--no-skips` makes a run with a skipped test fail.
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
+from kit.share import first_of_share
 
 import usdslf  # noqa: F401  (announces the stroke schema before a test opens a stage)
+from usdslf import cache
 
 if TYPE_CHECKING:
     from usdslf.gpu.device import Device
 
-os.environ.setdefault("USDSLF_CACHE", "weights")  # each test computes what it asks for; commands that it starts too
+# Each test computes what it asks for; commands that it starts too.  The gate sets "all", as the program does by itself.
+os.environ.setdefault("USDSLF_CACHE", "weights")
 
 ASSETS = Path(__file__).resolve().parents[2] / "shared/assets"
 INPUTS = ASSETS.parent / "inputs"  # small stages that once failed
@@ -35,6 +39,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    items[:] = _from_share(items)
     if _assets_required():
         return
     missing = {name for name, folder in (("assets", ASSETS), ("inputs", INPUTS)) if not folder.is_dir()}
@@ -44,6 +49,21 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     config.stash[_left_out] = len(without)
     config.hook.pytest_deselected(items=without)
     items[:] = [item for item in items if item not in without]
+
+
+def _from_share(items: list[pytest.Item]) -> list[pytest.Item]:
+    """Begins with the share of the modules that is this run's, so that each of several finds the others' in the cache."""
+    modules = list(dict.fromkeys(item.path for item in items))
+    first = set(modules[: first_of_share(len(modules))])
+    return [item for item in items if item.path not in first] + [item for item in items if item.path in first]
+
+
+@pytest.fixture(autouse=True)
+def _nothing_kept_of_what_is_patched(request: pytest.FixtureRequest) -> Iterator[None]:
+    """What a test computes with parts of the program exchanged is neither kept for others nor read from them."""
+    patched = "monkeypatch" in request.fixturenames and cache.keeps(True)
+    with cache.switched("weights") if patched else nullcontext():
+        yield
 
 
 @pytest.hookimpl(trylast=True)

@@ -16,7 +16,18 @@ Item = TypeVar("Item")
 
 def share_of(items: Sequence[Item]) -> list[Item]:
     """Returns every n-th of some items, from the k-th on, where the variable says k/n (0/1: all)."""
+    number, count = _share()
+    return list(items[number::count])
+
+
+def first_of_share(length: int) -> int:
+    """Returns the row of a list at which this run begins, so that runs side by side do not do the same at once."""
+    number, count = _share()
+    return number * length // count
+
+
+def _share() -> tuple[int, int]:
     number, count = (int(x) for x in os.environ.get("USDSLF_SHARE", "0/1").split("/"))
     if not 0 <= number < count:
         raise ValueError(f"USDSLF_SHARE={number}/{count}: the first number is 0 to {count - 1}")
-    return list(items[number::count])
+    return number, count
