@@ -8,8 +8,9 @@ little: the table gives the time that this process computed for meanwhile, too.
 
 With `--blocks` only what is told between blocks counts: the longest that work goes on after it was cancelled.
 
-With `--cancel` the same work is cancelled every 150 ms, and goes on from what was made before: the table gives for each
-step how long it took at most from the wish to cancel until the work had ended.
+With `--cancel` each call is cancelled after 150 ms, and again and again, each time a third later, until it comes to its
+end, going on from what was made before: the table gives for each step how long it took at most from the wish to cancel
+until the work had ended.
 """
 
 from __future__ import annotations
@@ -38,7 +39,8 @@ from usdslf.usd.build_stage import write_stage
 os.environ.setdefault("USDSLF_CACHE", "weights")  # nothing of the shot is read from an earlier run
 PACKAGE = str(Path(usdslf.__file__).parent)
 SAMPLED = 0.02  # seconds between two looks at where the program is
-CANCELLED = 0.15  # seconds from the last cancel to the next
+CANCELLED = 0.15  # seconds until work is cancelled first
+PATIENCE = 1.3  # each time it is given so many times as long, until it comes to its end
 
 
 @dataclass
@@ -125,7 +127,7 @@ def print_silences(stage: Path, folder: Path, elements: int) -> None:
 
 
 def print_cancels(stage: Path, folder: Path, elements: int) -> None:
-    """Cancels it every CANCELLED seconds, and goes on; a call that never gets to its end is given longer."""
+    """Cancels each call again and again, each time later, until it gets to its end."""
     latencies: dict[str, list[float]] = defaultdict(list)
     wished, patience = [float("inf")], CANCELLED
     now = [""]
@@ -144,7 +146,7 @@ def print_cancels(stage: Path, folder: Path, elements: int) -> None:
                 call()
             except usdslf.Cancelled:
                 latencies[now[0]].append(time.perf_counter() - wished[0])
-                patience += CANCELLED
+                patience *= PATIENCE
             else:
                 break
             finally:
