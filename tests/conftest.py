@@ -52,7 +52,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 
 def _from_share(items: list[pytest.Item]) -> list[pytest.Item]:
-    """Begins with the share of the modules that is this run's, so that each of several finds the others' in the cache."""
+    """Begins with the modules of this run's share, so that each of several finds in the cache what others made."""
     modules = list(dict.fromkeys(item.path for item in items))
     first = set(modules[: first_of_share(len(modules))])
     return [item for item in items if item.path not in first] + [item for item in items if item.path in first]
