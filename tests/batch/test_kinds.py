@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -83,6 +84,7 @@ def test_an_explanation_that_holds_elsewhere_is_preferred_at_a_near_tie(tmp_path
     result = run_job(plan(write_manifest(tmp_path, more=more, jobs=jobs)).jobs[0])
     assert result.values["strokes"][0]["inferred"] == "diffuse"
     assert [e["chosen"] for e in result.values["elsewhere"]] == ["diffuse", "diffuse"]
+    assert any(re.match(r"stroke_0001 in sky.exr: diffuse shows \d+ %", line) for line in result.lines)
     assert "../side/shot.usda" in result.inputs and "../sky.exr" in result.inputs
 
 
@@ -119,3 +121,18 @@ def test_an_accepted_look_goes_over_other_shots(folder: Path) -> None:
         "accepted/one/after.png",
     )
     assert "accepted/one/before.png" in (folder / "out/index.html").read_text()
+
+
+def test_a_file_that_changes_while_it_is_read_ends_the_job(tmp_path: Path) -> None:
+    """Its result would be named by what it did not read."""
+    write_shot(tmp_path / "shots/one")
+    found = plan(write_manifest(tmp_path))
+    stage = tmp_path / "shots/one/stage.usda"
+
+    def change(step: str, share: float) -> None:
+        if step == "solve":
+            stage.write_text(stage.read_text() + "# another\n")
+
+    with pytest.raises(InputError, match=r"stage.usda changed while the job one read it; run it again"):
+        run_job(found.jobs[0], change)
+    assert not list((tmp_path / "out").iterdir())

@@ -8,7 +8,7 @@ of_needs(job), read_needs(job)    folders and files of the results that a job re
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -23,12 +23,18 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Found:
-    """What a kind of work found; its files stand in the folder that it was given."""
+    """What a kind of work found; its files stand in the folder that it was given.
+
+    Attributes:
+        read: all that it read.
+        begun: hashes of that, or of some of it, from before it was worked with.
+    """
 
     lines: tuple[str, ...] = ()
     findings: tuple[str, ...] = ()
     values: dict[str, Any] = field(default_factory=dict)
     read: Read = field(default_factory=Read)
+    begun: Mapping[str, str] = field(default_factory=dict)
 
 
 Worker = Callable[[Job, Path, "Say | None"], Found]

@@ -67,7 +67,11 @@ def identity_of(shot: Shot, strokes: Sequence[Stroke], options: Mapping[str, Any
 
 
 def what_changed(before: Result, after: Result) -> Changed:
-    """Returns what changed in the answers of a job since an earlier result, and why."""
+    """Returns what changed in the answers of a job, and why.
+
+    Args:
+        before, after: results of the job, an earlier and a later one.
+    """
     was, now = before.values.get("identity", {}), after.values.get("identity", {})
     why = []
     for cause in (*CAUSES, "strokes"):

@@ -23,7 +23,7 @@ import numpy as np
 from usdslf.batch.found import Found, of_needs, read_needs, write_values
 from usdslf.batch.inputs import Read
 from usdslf.batch.job import Job
-from usdslf.batch.solving import READING, opened, write_pictures
+from usdslf.batch.solving import READING, opened, read_of, write_pictures
 from usdslf.edits.whole_set import colored_specular
 from usdslf.errors import InputError, SolveError
 from usdslf.inference.answers import Answer, Painted, Pool, means_of, scope_rows
@@ -44,7 +44,6 @@ from usdslf.solution import Solution
 from usdslf.surfaces.reflectance import Parameters
 from usdslf.usd.asset_of import asset_of
 from usdslf.usd.author.author import author_review_root
-from usdslf.usd.files_read import files_read
 
 if TYPE_CHECKING:
     from usdslf.light_field.light_field import LightField
@@ -94,7 +93,7 @@ def measure(job: Job, folder: Path, say: Say | None) -> Found:
     if not found:
         raise SolveError(f"{job.shot}: no direct stroke asks for a change of a whole material; joint jobs need one")
     write_values(job, folder / MEASURED, [asdict(m) for m in found])
-    return Found(tuple(f"{m.material}: {len(m.strokes)} strokes" for m in found), read=view.read)
+    return Found(tuple(f"{m.material}: {len(m.strokes)} strokes" for m in found), read=view.read, begun=view.begun)
 
 
 def refine(job: Job, folder: Path, say: Say | None) -> Found:
@@ -104,7 +103,7 @@ def refine(job: Job, folder: Path, say: Say | None) -> Found:
     field = view.changed(choice)
     found = [_written(m, t, folder) for m, t in view.measured(field, choice)]
     write_values(job, folder / MEASURED, [asdict(m) for m in found])
-    return Found(read=_with_needs(job, view.read))
+    return Found(read=_with_needs(job, view.read), begun=view.begun)
 
 
 def show(job: Job, folder: Path, say: Say | None) -> Found:
@@ -128,9 +127,8 @@ def show(job: Job, folder: Path, say: Say | None) -> Found:
         write_pictures(job, view.session, folder)
     lines = [f"residual {r['before']:.3f} -> {r['after']:.3f}" for r in residuals]
     findings = (*look.not_shown, *(c.in_words() for c in look.collateral if c.is_finding))
-    return Found(
-        tuple(lines), findings, {"residuals": residuals, "edits": len(look.edits)}, _with_needs(job, view.read)
-    )
+    values = {"residuals": residuals, "edits": len(look.edits)}
+    return Found(tuple(lines), findings, values, _with_needs(job, view.read), view.begun)
 
 
 @dataclass(frozen=True)
@@ -142,10 +140,12 @@ class _View:
     pools: list[Pool]
     field: LightField  # as it is
     read: Read
+    begun: Mapping[str, str]  # hashes of that, from before
 
     @staticmethod
     def of(job: Job, say: Say | None) -> _View:
         strokes, said, session = opened(job, say)
+        read, begun = read_of(job, session)
         with session.hearing():
             shot = session.shot
             active = [s for s in strokes if s.active]
@@ -153,8 +153,7 @@ class _View:
             field = shot.light_field
             evidence = [p.evidence(field) for p in painted]
             pools = [p for p in sort_into_pools(evidence, shot.scene) if p.scope == "material" and not p.is_held]
-        found = files_read(shot.source)
-        return _View(session, painted, pools, field, Read((*found.found, *found.missing), found.patterns))
+        return _View(session, painted, pools, field, read, begun)
 
     def measured(
         self, field: LightField, choice: Mapping[str, Candidate] | None = None

@@ -7,15 +7,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from usdslf.batch.found import Found, write_values
-from usdslf.batch.inputs import Read
 from usdslf.batch.job import Job
-from usdslf.batch.solving import open_shot, write_pictures
+from usdslf.batch.solving import open_shot, read_of, write_pictures
 from usdslf.errors import InputError
 from usdslf.replacing import is_file
 from usdslf.scene.difference import look_alike
 from usdslf.scene.records import Scene
 from usdslf.usd.author.author import author_review_root
-from usdslf.usd.files_read import files_read
 from usdslf.usd.review.review import lines_of_review, review_look
 
 if TYPE_CHECKING:
@@ -37,6 +35,7 @@ def propagate_look(job: Job, folder: Path, say: Say | None) -> Found:
     review = review_look(job.file(job.shot), look, job.options.get("ocio"))
     review["findings"] = [f for f in review["findings"] if f["name"] not in EXPECTED]
     edited = session.edited(look)
+    read, begun = read_of(job, session, edited)
     findings = list(_sentences(review, session.scene))
     if look_alike(session.scene.materials, edited.scene.materials):
         findings.insert(0, f"the look changes nothing in {Path(job.shot).name}")
@@ -44,12 +43,8 @@ def propagate_look(job: Job, folder: Path, say: Say | None) -> Found:
     write_values(job, folder / "report.json", review)
     if job.pictures:
         write_pictures(job, session, folder, look)
-    parts = [files_read(s) for s in (session.shot.source, edited.shot.source)]
-    read = Read(
-        tuple(sorted({f for p in parts for f in (*p.found, *p.missing)})), tuple(x for p in parts for x in p.patterns)
-    )
     lines = [line.replace(f"{job.root}/", "/") if job.root else line for line in lines_of_review(review)]
-    return Found(tuple(lines), tuple(findings), {"edits": len(review["edits"])}, read)
+    return Found(tuple(lines), tuple(findings), {"edits": len(review["edits"])}, read, begun)
 
 
 def _sentences(review: dict[str, Any], scene: Scene) -> Iterator[str]:

@@ -10,7 +10,7 @@ import usdslf.session
 from usdslf.batch.elsewhere import Scored, prefer_what_holds, score_elsewhere
 from usdslf.batch.found import Found, write_values
 from usdslf.batch.identity import identity_of
-from usdslf.batch.inputs import Read
+from usdslf.batch.inputs import Read, inputs_of, read_together
 from usdslf.batch.job import Job
 from usdslf.inference.weights import Options
 from usdslf.outputs import write_picture
@@ -32,6 +32,7 @@ SHOWN = ("path", "material", "inferred", "before", "after", "residual_before", "
 def solve_shot(job: Job, folder: Path, say: Say | None) -> Found:
     """Solves the strokes of a shot and writes look.usda, report.json, before.png and after.png into `folder`."""
     strokes, said, session = opened(job, say)
+    read, begun = read_of(job, session)
     for stroke in strokes:
         session.add_stroke(stroke)
     options = job.options
@@ -56,17 +57,14 @@ def solve_shot(job: Job, folder: Path, say: Say | None) -> Found:
     write_values(job, folder / "report.json", report)
     if job.pictures:
         write_pictures(job, session, folder)
-    found = files_read(session.shot.source)
     values = {
         "identity": identity_of(session.shot, strokes, options),
         "strokes": [{k: s[k] for k in SHOWN if k in s} for s in report["strokes"]],
         "elsewhere": [s.as_values() for s in scored],
         "edits": len(report["edits"]),
     }
-    return Found(
-        tuple(lines_of_report(report)), tuple(_findings(session, report)), values,
-        Read((*found.found, *found.missing), found.patterns),
-    )  # fmt: skip
+    lines = [*lines_of_report(report), *(line for s in scored for line in s.lines())]
+    return Found(tuple(lines), tuple(_findings(session, report)), values, read, begun)
 
 
 def opened(job: Job, say: Say | None) -> tuple[list[Stroke], list[str], Session]:
@@ -75,6 +73,13 @@ def opened(job: Job, say: Say | None) -> tuple[list[Stroke], list[str], Session]
     strokes = read_strokes(job.file(job.strokes), said)
     frame = frame_of([s for s in strokes if s.active], job.options.get("frame"), said)
     return strokes, said, open_shot(job, say, frame)
+
+
+def read_of(job: Job, *sessions: Session) -> tuple[Read, dict[str, str]]:
+    """Returns the files that shots stand on, and their hashes as they are before they are worked with."""
+    parts = [files_read(session.shot.source) for session in sessions]
+    read = read_together(Read((*p.found, *p.missing), p.patterns) for p in parts)
+    return read, inputs_of(job, read)
 
 
 def open_shot(job: Job, say: Say | None, frame: float | None = None) -> Session:

@@ -16,6 +16,7 @@ from usdslf.batch.inputs import inputs_of, row_of
 from usdslf.batch.job import Job, Result
 from usdslf.batch.places import hash_of, staged
 from usdslf.batch.records import RESULT, text_of, without_root
+from usdslf.errors import InputError
 from usdslf.progress import hearing
 
 if TYPE_CHECKING:
@@ -31,15 +32,18 @@ def run_job(job: Job, say: Say | None = None) -> Result:
 
     Returns: what is in result.json.
 
-    Raises: UsdslfError, and whatever libraries raise; nothing is written then.
+    Raises: UsdslfError, InputError where a file changed meanwhile, and whatever libraries raise; nothing is written then.
     """
     work = _worker(job.kind)
-    with staged(job.root + job.output, job.name) as folder, hearing(lambda p: say(p.step, p.share) if say else None):
+    tell = lambda p: say(p.step, p.share) if say else None  # noqa: E731
+    with staged(job.root + job.output, job.name) as folder, hearing(tell):
         found = work(job, folder, say)
         names = sorted(p.relative_to(folder).as_posix() for p in folder.rglob("*") if p.is_file())
+        values, inputs = {**found.values, "row": row_of(job)}, inputs_of(job, found.read)
+        if changed := [name for name, code in found.begun.items() if inputs.get(name) != code]:
+            raise InputError(f"{changed[0]} changed while the job {job.name} read it; run it again")
         result = Result(
-            job.name, job.kind, lines=found.lines, findings=found.findings,
-            values={**found.values, "row": row_of(job)}, inputs=inputs_of(job, found.read),
+            job.name, job.kind, lines=found.lines, findings=found.findings, values=values, inputs=inputs
         )  # fmt: skip
         result = without_root(job, result)
         result = replace(result, files={name: hash_of(folder / name) for name in names})
