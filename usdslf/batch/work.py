@@ -32,7 +32,7 @@ def run_job(job: Job, say: Say | None = None) -> Result:
 
     Returns: what is in result.json.
 
-    Raises: UsdslfError, InputError where a file changed meanwhile, and whatever libraries raise; nothing is written then.
+    Raises: UsdslfError, InputError where a file changed meanwhile, and what libraries raise; nothing is written then.
     """
     work = _worker(job.kind)
     tell = lambda p: say(p.step, p.share) if say else None  # noqa: E731
