@@ -12,7 +12,6 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from importlib.metadata import PackageNotFoundError, version
 from types import MappingProxyType
 from typing import Any
 
@@ -31,18 +30,22 @@ from usdslf.inference.asked import asked_of
 from usdslf.inference.changes import with_varying
 from usdslf.light_field.surface import Surface
 from usdslf.progress import step, tell, tell_during
+from usdslf.provenance import program_version, words_of_phong, words_of_solve
 from usdslf.render.live.picture import LivePicture
 from usdslf.render.picture import LitScene, PictureOptions, render_bands
 from usdslf.scene.records import Camera, Scene
 from usdslf.shot import Shot, converge
 from usdslf.solution import Solution
+from usdslf.strokes.anchors import locate_stroke
 from usdslf.stylize.changes import with_styles
 from usdslf.stylize.unsharp_mask import Stylized
 from usdslf.surfaces.reflectance import model_of
-from usdslf.usd.author.author import Instead, author_look, author_review_root, check_look_place
+from usdslf.usd.author.author import author_look, author_review_root, check_look_place
 from usdslf.usd.author.collateral import Reading, look_collateral
 from usdslf.usd.author.read_back import scene_under, stage_under
+from usdslf.usd.author.rebase import Rebase, earlier_look, rebased
 from usdslf.usd.author.whole import whole_or_as_before
+from usdslf.usd.author.writing import Instead
 from usdslf.usd.layer.baked_files import textures_folder
 from usdslf.usd.layer.wins import AuthoredEdit
 
@@ -65,6 +68,7 @@ class Look:
         collateral: what it changes beyond what it is meant to, the worst first.
         warnings: sentences.
         seconds: by step.
+        rebase: what became of the look that stood there before; None: there was none.
     """
 
     path: str
@@ -75,11 +79,12 @@ class Look:
     collateral: tuple[Collateral, ...] = ()
     warnings: tuple[str, ...] = ()
     seconds: Mapping[str, float] = field(default_factory=dict)
+    rebase: Rebase | None = None
 
 
 def author(
     shot: Shot, solution: Solution, path: PathLike, strokes_path: PathLike | None = None,
-    review_root: PathLike | None = None, mode: str = "",
+    review_root: PathLike | None = None, mode: str = "", alternatives: int = 0,
 ) -> Look:  # fmt: skip
     """Writes a Solution as a look layer, and on request a review root over look, strokes and shot.
 
@@ -94,6 +99,7 @@ def author(
         review_root: a layer to write over look, strokes and shot.
         mode: override (all that show the material) | new (a material for what was painted only) | class (all
             instances of the asset, by the class that it inherits); "": as each stroke's scope says.
+        alternatives: other explanations of each change that the look holds too, as variants (author/variants.py).
 
     Returns: the Look.
 
@@ -102,12 +108,17 @@ def author(
     """
     said: list[str] = []
     seconds: dict[str, float] = {}
-    target = _Target(shot, path, strokes_path, mode)
+    target = _Target(shot, path, strokes_path, mode, alternatives)
     if not model_of(shot.model).is_authored:
-        said.append(_of_phong(solution))
+        said.append(words_of_phong(solution))
     check_look_place(shot.source, path)
+    earlier = earlier_look(path)
     with whole_or_as_before(path, review_root) as kept:
         look = _author(target, solution, review_root, said, seconds)
+    if earlier:
+        strokes = [s for s in solution.strokes if s.has_anchors and locate_stroke(shot.scene, s).moved]
+        moved, there = [s.path for s in strokes], [s.path for s in solution.strokes]
+        look = replace(look, rebase=rebased(earlier, shot.source, look.edits, moved, there))
     return replace(look, warnings=(*look.warnings, *kept))
 
 
@@ -216,16 +227,17 @@ class _Target:
     path: PathLike
     strokes_path: PathLike | None
     mode: str
+    alternatives: int
 
     def provenance(self, solution: Solution) -> dict[str, Any]:
         """What the layer says of where it comes from."""
         shot, color = self.shot, self.color
         return {
-            "version": _version(),
+            "version": program_version(),
             "ocioConfig": color.config_name,
             "workingSpace": shot.scene.working_space,
             "device": shot.device.name,
-            "solve": _how(shot, solution),
+            "solve": words_of_solve(shot, solution),
             **({"frame": shot.scene.frame} if np.isfinite(shot.scene.frame) else {}),
             **({"missing": [m.sentence for m in shot.scene.missing]} if shot.scene.missing else {}),
         }
@@ -292,10 +304,12 @@ def _try(target: _Target, solution: Solution, instead: dict[str, Instead]) -> _T
     changes = tell_during(
         lambda: _with_textures(shot, solution, solution.changes(shot, target.mode), target.path, target.color, said)
     )
+    others = solution.rivals(target.alternatives)
+    rivals = {i: _with_textures(shot, s, s.changes(shot), target.path, target.color, said) for i, s in others.items()}
     edits = author_look(
         shot.source, changes, target.path, target.provenance(solution), target.strokes_path, warnings=said,
         color=target.color, mode=target.mode, made=shot.made, frame=shot.scene.frame, instead=instead,
-        keeps_textures=True,
+        rivals=rivals, keeps_textures=True,
     )  # fmt: skip
     tell()
     asked = asked_of(list(solution.answers), list(solution.painted), shot.scene, shot.light_field, target.mode)
@@ -360,32 +374,3 @@ def _read_back(
                     f"{residual:.3f}, the change that was found one of {a.residual_after:.3f}",
                 )
     return replace(solution, stylized=style), as_written
-
-
-def _of_phong(solution: Solution) -> str:
-    """Says what a look holds that was solved with phong, and how far off it is where that was measured."""
-    off = [
-        f"{a.residual_after:.3f} becomes {solution.as_preview[a.pool]:.3f}"
-        for a in solution.answers
-        if a.pool in solution.as_preview and a.chosen.freed
-    ]
-    measured = f"; the residual of {', '.join(off)}" if off else ""
-    return (
-        "solved with phong: the look holds its k_d, k_s and width of lobe as diffuse, specular and roughness of "
-        f"UsdPreviewSurface, which reflects otherwise, more so at grazing angles{measured}"
-    )
-
-
-def _how(shot: Shot, solution: Solution) -> str:
-    """How the look came about, for its provenance."""
-    how = f"{shot.model}, {len(shot.elements)} elements, 1024 directions, {shot.bounces} bounces"
-    how += f", {solution.how}" if solution.how else ""
-    s = solution.stylized
-    return how if s is None else f"stylized by {s.amount:g} within {s.radius:g} of the diagonal; {how}"
-
-
-def _version() -> str:
-    try:
-        return version("usdslf")
-    except PackageNotFoundError:  # run from a checkout that is not installed
-        return "unknown"

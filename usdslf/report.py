@@ -6,12 +6,12 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from usdslf.edits.collateral import words_of
 from usdslf.edits.edits import inferred
-from usdslf.inference.answers import Answer, Pool, alike_means, means_of
-from usdslf.inference.uncertainty import interval, probabilities
+from usdslf.inference.alternatives import alternatives_of, as_plain
+from usdslf.inference.answers import Answer, Pool, alike_means
+from usdslf.inference.uncertainty import interval
 from usdslf.inference.weights import Options
 from usdslf.look import Look
 from usdslf.scene.records import Scene
@@ -19,6 +19,7 @@ from usdslf.shot import Shot
 from usdslf.solution import Solution
 from usdslf.strokes.stroke import Stroke
 from usdslf.stylize.unsharp_mask import Stylized
+from usdslf.usd.author.rebase import words_of_edit
 from usdslf.usd.border import in_words
 from usdslf.usd.layer.wins import AuthoredEdit
 
@@ -68,6 +69,7 @@ def report_of(shot: Shot, solution: Solution, look: Look | None = None) -> dict[
             }
             for e in edits
         ],
+        **({"rebase": look.rebase.as_values()} if look and look.rebase else {}),
         "collateral": [c.as_values() for c in (look.collateral if look else ())],
         "warnings": list(dict.fromkeys(w for part in parts for w in part.warnings)),
         "seconds": {k: round(v, 4) for part in parts for k, v in part.seconds.items()},
@@ -83,8 +85,8 @@ def _of_style(scene: Scene, s: Stylized, edits: Sequence[AuthoredEdit]) -> dict[
             {
                 "material": paths[style.material],
                 "inferred": inferred(style.freed),
-                "before": _plain(style.before),
-                "after": _plain(style.after),
+                "before": as_plain(style.before),
+                "after": as_plain(style.after),
                 "residual_before": style.residual_before,
                 "residual_after": style.residual_after,
                 **({} if np.isnan(style.residual_as_written) else {"residual_as_written": style.residual_as_written}),
@@ -119,8 +121,8 @@ def _of_stroke(
         "surface": _surface_of(shot.scene, stroke, answer.pool.material),
         "material": materials[answer.pool.material].path,
         "inferred": answer.chosen.id,
-        "before": _plain(answer.before),
-        "after": _plain(answer.after),
+        "before": as_plain(answer.before),
+        "after": as_plain(answer.after),
         "residual_before": answer.residual_before,
         "residual_after": answer.residual_after,
         "rounds": list(answer.rounds),
@@ -129,7 +131,7 @@ def _of_stroke(
         "ambiguous": answer.is_ambiguous,
         "varies": answer.varying is not None,
         "range": _ranges(answer),
-        "alternatives": _alternatives(answer),
+        "alternatives": [a.as_values() for a in alternatives_of(answer)],
     }
     if stands_on := _stands_on(shot.scene, answer.pool.material):
         found["stands_on"] = stands_on
@@ -139,7 +141,7 @@ def _of_stroke(
         found["note"] = answer.note
     if answer.others:
         found["alternatives"] = [
-            {"id": o.id, "cost": o.cost, "materials": list(o.materials), "after": _plain(o.after)}
+            {"id": o.id, "cost": o.cost, "materials": list(o.materials), "after": as_plain(o.after)}
             for o in sorted(answer.others, key=lambda o: (not o.is_chosen, o.cost is None, o.cost or 0.0))
         ]
         also += [(a.pool.material, a, a.before, a.after) for a in more]
@@ -148,26 +150,12 @@ def _of_stroke(
             {
                 "material": materials[m].path,
                 "inferred": a.chosen.id,
-                "before": _plain(before),
-                "after": _plain(after),
+                "before": as_plain(before),
+                "after": as_plain(after),
             }
             for m, a, before, after in also
         ]
     return found
-
-
-def _alternatives(answer: Answer) -> list[dict[str, Any]]:
-    """All explanations, each with what choosing it would write in the light as it is."""
-    t, chosen = answer.tables, answer.chosen.id
-    constant = [(c.id, c, answer.if_chosen.get(c.id) or means_of(t, c)[1]) for c in answer.candidates]
-    if not answer.varying:
-        constant = [(name, c, answer.after if name == chosen else after) for name, c, after in constant]
-    explained = [*constant, *((a.id, a.mean, means_of(t, a.mean)[1]) for a in answer.varied)]
-    chances = probabilities([c for _, c, _ in explained]).tolist()
-    return [
-        {"id": name, "cost": c.cost if c.is_admitted else None, "probability": chance, "after": _plain(after)}
-        for (name, c, after), chance in zip(explained, chances, strict=True)
-    ]
 
 
 def _stands_on(scene: Scene, material: int) -> list[str]:
@@ -187,11 +175,7 @@ def _ranges(answer: Answer) -> dict[str, Any]:
     found = interval(answer.tables, Options(), c)
     names = {"diffuse": "diffuse", "specular": "specular", "glossiness": "roughness"}
     ends = {names[f]: getattr(found, names[f]) for f in c.freed}
-    return {name: [_plain({"": end})[""] for end in each] for name, each in ends.items()}
-
-
-def _plain(values: Mapping[str, NDArray]) -> dict[str, Any]:
-    return {k: v.tolist() if len(v) > 1 else float(v[0]) for k, v in values.items()}
+    return {name: [as_plain({"": end})[""] for end in each] for name, each in ends.items()}
 
 
 def lines_of_report(report: Mapping[str, Any]) -> Iterator[str]:
@@ -227,6 +211,11 @@ def lines_of_report(report: Mapping[str, Any]) -> Iterator[str]:
         yield f"{edit['prim']}.{edit['attribute']}: {change}{loses}"
         if edit["affects"]:
             yield f"  shown by {len(edit['affects'])}: {_some(edit['affects'])}"
+    rebase = report.get("rebase", {"edits": (), "stale_strokes": {}})
+    for edit in rebase["edits"]:
+        yield f"since the last look: {words_of_edit(edit)}"
+    for stroke, why in rebase["stale_strokes"].items():
+        yield f"stale stroke {stroke}: {why}"
     for beside in report.get("collateral", ()):
         too_much = "  (a finding)" if beside["finding"] else ""
         yield f"{beside['material']} beside that: {words_of(beside)}{too_much}"

@@ -78,15 +78,16 @@ class Session(SessionState):
         return self.stylized
 
     def author(
-        self, path: PathLike, strokes_path: PathLike | None = None, review_root: PathLike | None = None, mode: str = ""
-    ) -> list[AuthoredEdit]:
+        self, path: PathLike, strokes_path: PathLike | None = None, review_root: PathLike | None = None, mode: str = "",
+        alternatives: int = 0,
+    ) -> list[AuthoredEdit]:  # fmt: skip
         """Writes what was found as a look layer; returns its edits.
 
         Args:
-            path, strokes_path, review_root, mode: as of `usdslf.author`, which also says what is raised.
+            path, strokes_path, review_root, mode, alternatives: as of `usdslf.author`, which also says what is raised.
         """
         with self.hearing():
-            self.keep(author(self.shot, self.solution, path, strokes_path, review_root, mode))
+            self.keep(author(self.shot, self.solution, path, strokes_path, review_root, mode, alternatives))
         return self.edits
 
     def camera(self, path: str | None = None) -> Camera:

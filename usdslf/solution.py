@@ -113,6 +113,24 @@ class Solution:
             raise SolveError(f"there is no direct answer to {which}; solve direct strokes first")
         return self.answers[min(gaps)[1]]
 
+    def rivals(self, count: int) -> dict[int, Solution]:
+        """Returns the next best explanations of each change that is constant, as Solutions, by row of `changes`.
+
+        Args:
+            count: of each, at most.
+        """
+        found = {}
+        freed = [a for a in self.answers if a.chosen.freed]
+        for row, a in enumerate(freed if count and self.stylized is None else ()):
+            if a.varying or a.others or a.pool.scope == "stroke" or a.pool.alike or a.pool.partly:
+                continue
+            others = [c for c in a.candidates if c.freed and c.is_admitted and c.id != a.chosen.id]
+            others = [c for c in others if c.id in a.if_chosen][:count]
+            answers = [replace(a, chosen=c, after=a.if_chosen[c.id], residual_after=np.nan) for c in others]
+            if answers:
+                found[row] = replace(self, answers=tuple(answers))
+        return found
+
     def changes(self, shot: Shot, mode: str = "") -> list[MaterialChange]:
         """Returns what was found as changes of materials.
 

@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from usdslf.edits.explanation import Explanation
 from usdslf.edits.moves import DARK, NAMES, Move
 from usdslf.errors import AuthorError
 from usdslf.scene.records import F64, Input, Material, PrimvarInput, Texture
@@ -86,6 +87,7 @@ class MaterialChange:
     map: str = "auto"  # of textured inputs: auto | add (a bias) | multiply (a scale)
     residual_before: float = float("nan")
     residual_after: float = float("nan")
+    alternatives: tuple[Explanation, ...] = ()  # the explanations that were weighed, this one too
 
 
 @dataclass(frozen=True)

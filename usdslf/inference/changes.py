@@ -21,6 +21,7 @@ from usdslf.edits.moves import NAMES, Move
 from usdslf.edits.representations import least_collateral
 from usdslf.edits.storage import input_values, storage_of, store
 from usdslf.errors import AuthorError
+from usdslf.inference.alternatives import alternatives_of
 from usdslf.inference.answers import Answer, alike_means
 from usdslf.inference.candidate import Candidate
 from usdslf.inference.varying import Varying, as_even
@@ -75,6 +76,7 @@ def _change(answer: Answer, scene: Scene, strokes: Sequence[Stroke], mode: str) 
         map="multiply" if answer.chosen.is_factor or answer.chosen.roughness_mean else "auto",
         residual_before=answer.residual_before,
         residual_after=answer.residual_after,
+        alternatives=() if answer.others else tuple(alternatives_of(answer)),
     )
 
 

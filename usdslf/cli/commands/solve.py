@@ -32,6 +32,7 @@ class Choice:
     choose: tuple[tuple[str, str], ...]  # stroke, id of an alternative
     mode: str | None
     next_dab: bool
+    alternatives: int
 
 
 @click.command(cls=Command)
@@ -65,6 +66,13 @@ class Choice:
     is_flag=True,
     help="Also say where one more dab best tells the two leading explanations apart, and what each expects there.",
 )
+@click.option(
+    "--alternatives",
+    type=click.IntRange(0, 8),
+    default=0,
+    metavar="N",
+    help="Hold the N next best explanations of each change too, as variants that any USD program flips between.",
+)
 @lighting_options("Give surfaces without UsdPreviewSurface one, to edit them.")
 @gathered("choice", Choice)
 @settings
@@ -93,7 +101,8 @@ def solve(
         if choice.next_dab:
             click.echo("\n".join(_lines_of_next(session.next_dab())))
 
-    write_look(settings, stage, shot, files, find, strokes_path=strokes, mode=choice.mode or "")
+    how = {"mode": choice.mode or "", "alternatives": choice.alternatives}
+    write_look(settings, stage, shot, files, find, strokes_path=strokes, **how)
 
 
 def _lines_of_next(dab: NextDab) -> Iterator[str]:

@@ -18,17 +18,17 @@ import math
 import os
 from collections.abc import Mapping, Sequence
 from copy import copy
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
 from pxr import Sdf, Usd, UsdShade, Vt
 
-from usdslf.edits.edits import MaterialChange, material_change_to_input_edits
+from usdslf.edits.edits import MaterialChange
 from usdslf.errors import AuthorError, StageError
 from usdslf.replacing import is_file
-from usdslf.usd.author.change_writer import ChangeWriter
 from usdslf.usd.author.material_writer import MODES
+from usdslf.usd.author.writing import Instead, Writing
 from usdslf.usd.binding import bound_relationship, named_material, preview_surface, render_contexts
 from usdslf.usd.border import reading
 from usdslf.usd.files import check_layer_place, relative_path, write_layer
@@ -47,18 +47,6 @@ if TYPE_CHECKING:
     from usdslf.color import Color
 
 
-@dataclass(frozen=True)
-class Instead:
-    """Another way to write the change of a material."""
-
-    is_new: bool  # to a new material for all that would change, whatever its scope
-    is_constant: bool  # as one value for an input, cut off from what drives it
-
-    def __str__(self) -> str:
-        ways = ("a new material", self.is_new), ("constants, cut off from what drives them", self.is_constant)
-        return " with ".join(words for words, is_so in ways if is_so)
-
-
 class How(TypedDict, total=False):
     """How a look is written."""
 
@@ -67,6 +55,7 @@ class How(TypedDict, total=False):
     made: PreviewMaterials | None  # new materials that the edits may be of; those that are edited go into the look
     frame: float  # at which the edits were solved: what is animated is taken as it is there; nan: default time
     instead: Mapping[str, Instead]  # by material: another way than usual, where that does not show
+    rivals: Mapping[int, Sequence[MaterialChange]]  # by row of the edits: other explanations, to be its variants
     keeps_textures: bool  # those that the look no longer names are not deleted: this may not be the last try
 
 
@@ -114,21 +103,12 @@ def _author(
     look = LookLayer(compose_over(stage, made.layer) if made else stage, by_hand, time)
     written: list[AuthoredEdit] = []
     bindings: dict[int, list[tuple[Sdf.Path, Sdf.Path]]] = {}
-    for change in edits:
-        inputs = material_change_to_input_edits(change)
-        if not inputs:
-            continue
-        first = len(written)
-        instead = how.get("instead", {}).get(change.material.path)
-        writer = ChangeWriter(
-            look, change, out.parent, said, color, "new" if instead and instead.is_new else mode
-        )
-        writer.is_constant = instead is not None and instead.is_constant
-        written += [e for edit in inputs for e in writer.write(edit)]
-        if len(written) > first:
-            writer.write_provenance()
-        for i in range(first, len(written)):
-            bindings[i] = writer.bound
+    for number, change in enumerate(edits):
+        instead, rivals = how.get("instead", {}).get(change.material.path), how.get("rivals", {}).get(number, ())
+        writing = Writing(look, out.parent, said, color, mode)
+        found, bound = writing.write(change, instead) if instead or not rivals else writing.write_all(change, rivals)
+        bindings |= dict.fromkeys(range(len(written), len(written) + len(found)), bound)
+        written += found
     if made:
         said += _write_made(stage, look, made, out.parent)
     with Sdf.ChangeBlock():

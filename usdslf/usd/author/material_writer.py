@@ -23,6 +23,7 @@ from usdslf.usd.binding import bound_relationship, users_of
 from usdslf.usd.layer.affected import read_by_others
 from usdslf.usd.layer.look_layer import SCOPE, LookLayer, shader_of
 from usdslf.usd.layer.meant import MOVES, moves_data, moves_in
+from usdslf.usd.layer.weighed import WEIGHED, weighed_data
 from usdslf.usd.look_data import our_data
 
 if TYPE_CHECKING:
@@ -182,6 +183,7 @@ class MaterialWriter:
         """Says on the Material which strokes changed it, from what to what, and how well it fits."""
         c = self.change
         data: dict[str, Any] = {
+            "material": str(self.material),
             "strokes": Vt.StringArray(list(c.strokes)),
             "before": _reflectance_data(c.before),
             "after": _reflectance_data(c.after),
@@ -189,6 +191,8 @@ class MaterialWriter:
         }
         residuals = {"residualBefore": c.residual_before, "residualAfter": c.residual_after}
         data |= {name: float(value) for name, value in residuals.items() if np.isfinite(value)}
+        if c.alternatives:
+            data[WEIGHED] = weighed_data(c.alternatives)
         over = self.look.over(self.material)
         moves, earlier = moves_of(c), moves_in(our_data(over.customData).get(MOVES))
         data[MOVES] = moves_data(

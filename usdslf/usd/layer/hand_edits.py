@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 from pxr import Sdf
 
+from usdslf.usd.layer.silent import SILENT, below
 from usdslf.usd.look_data import our_data, texts
 
 RECORD = "written"
@@ -111,19 +112,13 @@ def what_is_by_hand(by_hand: Sdf.Layer) -> list[Sdf.Path]:
 
 
 def specs_of(layer: Sdf.Layer) -> Iterator[Sdf.PrimSpec | Sdf.PropertySpec]:
-    """Yields prims before what is in them, in the order of the layer; variants as prims of their own."""
+    """Yields prims before what is in them, in the order of the layer; variants as prims of their own.
 
-    def below(prim: Sdf.PrimSpec) -> Iterator[Sdf.PrimSpec | Sdf.PropertySpec]:
-        yield prim
-        yield from list(prim.properties)
-        for child in list(prim.nameChildren):
-            yield from below(child)
-        for group in list(prim.variantSets.values()):
-            for variant in list(group.variants.values()):
-                yield from below(variant.primSpec)
-
+    Without what is silent.
+    """
     for root in list(layer.rootPrims):
-        yield from below(root)
+        if root.name != SILENT:
+            yield from below(root)
 
 
 def _digests(spec: Sdf.PrimSpec | Sdf.PropertySpec) -> dict[str, str]:

@@ -1,0 +1,102 @@
+"""A look that is solved anew over a shot that changed: what drifted, changed, became unnecessary, and stale strokes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from kit.look_stages import author, change_of, new_shot
+from pxr import Sdf, Usd
+
+from usdslf.usd.author.rebase import Became, Rebase, earlier_look, rebased
+from usdslf.usd.layer.wins import AuthoredEdit
+
+GREY = "/World/mtl/grey/pbr"
+STROKE = "/SlfStrokes/stroke_0001"
+Row = tuple[Became, str]
+
+
+def solve(folder: Path, roughness: float, **more: tuple[float, ...]) -> list[AuthoredEdit]:
+    """Writes the look over the shot as it is now."""
+    freed = "diffuse+glossiness" if more else "glossiness"
+    stage = Usd.Stage.Open(str(folder / "shot.usda"))
+    return author(stage, folder, change_of(stage, "/World/row", freed, roughness=roughness, **more))
+
+
+def again(folder: Path, roughness: float, there: tuple[str, ...] = (STROKE,), **more: tuple[float, ...]) -> Rebase:
+    earlier = earlier_look(folder / "look.usda")
+    assert earlier
+    edits = solve(folder, roughness, **more)
+    return rebased(earlier, Usd.Stage.Open(str(folder / "shot.usda")), edits, (), there)
+
+
+def rows(found: Rebase) -> set[Row]:
+    return {(e.became, e.attribute.removeprefix("inputs:")) for e in found.edits}
+
+
+def change_shot(folder: Path, roughness: float) -> None:
+    shot = Sdf.Layer.FindOrOpen(str(folder / "shot.usda"))
+    shot.GetAttributeAtPath(f"{GREY}.inputs:roughness").default = roughness
+    shot.Save()
+
+
+def test_nothing_became_of_what_is_the_same(tmp_path: Path) -> None:
+    new_shot(tmp_path)
+    assert earlier_look(tmp_path / "look.usda") is None
+    solve(tmp_path, 0.2)
+    assert again(tmp_path, 0.2) == Rebase()
+
+
+def test_what_the_shot_says_otherwise_drifted(tmp_path: Path) -> None:
+    new_shot(tmp_path)
+    solve(tmp_path, 0.2)
+    change_shot(tmp_path, 0.6)
+    found = again(tmp_path, 0.2)
+    assert rows(found) == {(Became.DRIFTED, "roughness")}
+    (edit,) = found.edits
+    values = [edit.base, edit.now, edit.was, edit.asks]
+    assert [round(v, 6) for v in values] == [0.4, 0.6, 0.2, 0.2]
+    assert edit.as_values()["became"] == "drifted"
+
+
+def test_other_values_no_values_and_new_ones_are_named(tmp_path: Path) -> None:
+    new_shot(tmp_path)
+    solve(tmp_path, 0.2)
+    assert rows(again(tmp_path, 0.3)) == {(Became.CHANGED, "roughness")}
+    assert rows(again(tmp_path, 0.3, d=(0.1, 0.2, 0.3))) == {(Became.NEW, "diffuseColor")}
+    change_shot(tmp_path, 0.3)  # the shot is as the strokes want it
+    found = again(tmp_path, 0.3, d=(0.1, 0.2, 0.3))
+    assert rows(found) == {(Became.DRIFTED, "roughness")} and found.edits[0].asks is None
+    change_shot(tmp_path, 0.4)
+    solve(tmp_path, 0.2, d=(0.1, 0.2, 0.3))
+    earlier = earlier_look(tmp_path / "look.usda")
+    assert earlier
+    edits = [e for e in solve(tmp_path, 0.2) if e.attribute == "inputs:roughness"]
+    found = rebased(earlier, Usd.Stage.Open(str(tmp_path / "shot.usda")), edits, (), (STROKE,))
+    assert rows(found) == {(Became.UNNECESSARY, "diffuseColor")}
+
+
+def test_strokes_that_are_gone_or_moved_are_stale(tmp_path: Path) -> None:
+    new_shot(tmp_path)
+    edits = solve(tmp_path, 0.2)
+    earlier = earlier_look(tmp_path / "look.usda")
+    assert earlier
+    found = rebased(earlier, Usd.Stage.Open(str(tmp_path / "shot.usda")), edits, ("/SlfStrokes/stroke_0002",), ())
+    assert set(found.stale_strokes) == {STROKE, "/SlfStrokes/stroke_0002"}
+    assert "gone" in found.stale_strokes[STROKE] and found.as_values()["stale_strokes"]
+
+
+def test_a_base_is_kept_for_what_the_shot_never_said(tmp_path: Path) -> None:
+    """An input without an opinion in the shot: the base is the fallback, and an opinion that comes later is drift."""
+    new_shot(tmp_path)
+    stage = Usd.Stage.Open(str(tmp_path / "shot.usda"))
+    author(stage, tmp_path, change_of(stage, "/World/ball", "glossiness", roughness=0.1))
+    shot = Sdf.Layer.FindOrOpen(str(tmp_path / "shot.usda"))
+    pbr = shot.GetPrimAtPath("/World/mtl/red/pbr")
+    Sdf.AttributeSpec(pbr, "inputs:roughness", Sdf.ValueTypeNames.Float).default = 0.9
+    shot.Save()
+    earlier = earlier_look(tmp_path / "look.usda")
+    assert earlier
+    stage = Usd.Stage.Open(str(tmp_path / "shot.usda"))
+    edits = author(stage, tmp_path, change_of(stage, "/World/ball", "glossiness", roughness=0.1))
+    found = rebased(earlier, stage, edits, (), (STROKE,))
+    assert [(e.became, round(e.base, 6), round(e.now, 6)) for e in found.edits] == [(Became.DRIFTED, 0.5, 0.9)]

@@ -1,0 +1,31 @@
+"""Alternatives: the explanations of what was painted that were weighed, with what choosing each would write."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from numpy.typing import NDArray
+
+from usdslf.edits.explanation import Explanation
+from usdslf.inference.answers import Answer, means_of
+from usdslf.inference.uncertainty import probabilities
+
+
+def alternatives_of(answer: Answer) -> list[Explanation]:
+    """Returns all explanations of a direct answer, the cheapest first, each in the light as it is."""
+    t, chosen = answer.tables, answer.chosen.id
+    constant = [(c.id, c, answer.if_chosen.get(c.id) or means_of(t, c)[1]) for c in answer.candidates]
+    if not answer.varying:
+        constant = [(name, c, answer.after if name == chosen else after) for name, c, after in constant]
+    explained = [*constant, *((a.id, a.mean, means_of(t, a.mean)[1]) for a in answer.varied)]
+    chances = probabilities([c for _, c, _ in explained]).tolist()
+    return [
+        Explanation(name, c.cost if c.is_admitted else None, chance, as_plain(after))
+        for (name, c, after), chance in zip(explained, chances, strict=True)
+    ]
+
+
+def as_plain(values: Mapping[str, NDArray]) -> dict[str, Any]:
+    """Returns means as JSON holds them: three numbers of a colour, one of a roughness."""
+    return {k: v.tolist() if len(v) > 1 else float(v[0]) for k, v in values.items()}
