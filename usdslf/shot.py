@@ -325,40 +325,43 @@ class Shot:
         return self.reopened(open_edited(self.path, look))
 
     def reopened(self, stage: Any) -> Shot:
-        """Returns another composition of the shot, a path or a Usd.Stage, at the same frame.
-
-        Where that leaves geometry, lights, glow and opacity as they are, as our looks do, elements, visibility and
-        fixed light are shared.
+        """Returns another composition of the shot, a path or a Usd.Stage, at the same frame; see `sharing`.
 
         Raises: StageError where the stage cannot be opened.
         """
-        other = Shot.open(
+        return self.sharing(Shot.open(
             stage, self.frame, self.device, self.ocio, self.made is not None, elements=self.element_count,
             bounces=self.bounces, refine=self.refine, model=self.model, missing_dome=self.missing_dome,
-        )  # fmt: skip
+        ))  # fmt: skip
+
+    def sharing(self, other: Shot) -> Shot:
+        """Gives another state of the shot, of which nothing was made yet, what is equal there; returns it.
+
+        Where geometry, lights, glow and opacity are as they are, as under our looks, elements, visibility and fixed
+        light are shared.
+        """
         before, after = self.scene, other.scene
         if tell_during(lambda: is_same_but_for_reflectance(before, after)):
             own = self.elements
-            elements = tell_during(lambda: refresh_reflectance(own, before, after))
             other._take(
-                elements=elements, lookup=self.lookup, visibility=self.visibility, fixed_light=self.fixed_light,
-                lights=self.lights,
+                elements=tell_during(lambda: refresh_reflectance(own, before, after)), lookup=self.lookup,
+                visibility=self.visibility, fixed_light=self.fixed_light, lights=self.lights,
             )  # fmt: skip
         return other
 
-    def relit(self, lights: tuple[Light, ...]) -> Shot:
-        """Returns the shot in the light of others, `lights`, in place of its own; what glows stays."""
-        device, lock = self.device, threading.RLock()
-        other = replace(self, device_name=device, seconds={}, warnings=[], lock=lock, laid=None, start=[])
+    def relit(self, lights: tuple[Light, ...], elements: int | None = None) -> Shot:
+        """Returns the shot in the light of others, `lights`, in place of its own, with as many elements; glow stays."""
+        fresh: dict[str, Any] = {"seconds": {}, "warnings": [], "lock": threading.RLock(), "laid": None, "start": []}
+        other = replace(self, device_name=self.device, element_count=elements or self.element_count, **fresh)
         other._take(scene=replace(self.scene, lights=lights), tracer=self.tracer)
         return other
 
     def at_frame(self, frame: float) -> Shot:
         """Returns the shot at another frame, a time code.
 
-        Elements keep the places that they were laid at on what moved, whatever frames came between, and visibility is
-        traced again only where that can have changed it.  Surfaces that see light only now get new elements.  Where
-        the frame has other meshes, or stretches them much, all starts afresh, and that is said.
+        Elements keep the places that they were laid at on what moved, and visibility is traced again only where that
+        can have changed it.  Surfaces that see light only now get new elements.  Where the frame has other meshes, or
+        stretches them much, all starts afresh, and that is said.
         """
         field = vars(self).get("light_field") or next(iter(self.start), None)
         other = replace(

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from usdslf.batch.found import Found, write_values
 from usdslf.batch.job import Job
@@ -14,6 +15,7 @@ from usdslf.replacing import is_file
 from usdslf.scene.difference import look_alike
 from usdslf.scene.records import Scene
 from usdslf.usd.author.author import author_review_root
+from usdslf.usd.review.records import LookReview
 from usdslf.usd.review.review import lines_of_review, review_look
 
 if TYPE_CHECKING:
@@ -33,26 +35,26 @@ def propagate_look(job: Job, folder: Path, say: Say | None) -> Found:
         raise InputError(f"there is no look {job.look}; solve it first, or mend `look` of the manifest")
     session = open_shot(job, say)
     review = review_look(job.file(job.shot), look, job.options.get("ocio"))
-    review["findings"] = [f for f in review["findings"] if f["name"] not in EXPECTED]
+    review = replace(review, findings=tuple(f for f in review.findings if f.name not in EXPECTED))
     edited = session.edited(look)
     read, begun = read_of(job, session, edited)
     findings = list(_sentences(review, session.scene))
     if look_alike(session.scene.materials, edited.scene.materials):
         findings.insert(0, f"the look changes nothing in {Path(job.shot).name}")
     author_review_root(folder / "review.usda", look, None, job.file(job.shot))
-    write_values(job, folder / "report.json", review)
+    write_values(job, folder / "report.json", review.as_values())
     if job.pictures:
         write_pictures(job, session, folder, look)
     lines = [line.replace(f"{job.root}/", "/") if job.root else line for line in lines_of_review(review)]
-    return Found(tuple(lines), tuple(findings), {"edits": len(review["edits"])}, read, begun)
+    return Found(tuple(lines), tuple(findings), {"edits": len(review.edits)}, read, begun)
 
 
-def _sentences(review: dict[str, Any], scene: Scene) -> Iterator[str]:
+def _sentences(review: LookReview, scene: Scene) -> Iterator[str]:
     """The findings in words; of a material that is not there, which one may be it under another name."""
-    for finding in review["findings"]:
-        say = finding["message"]
-        if finding["name"] in GONE:
-            gone = {n for e in review["edits"] if e["prim"].startswith(finding["prim"]) for n in e["prim"].split("/")}
+    for finding in review.findings:
+        say = finding.message
+        if finding.name in GONE:
+            gone = {n for e in review.edits if e.prim.startswith(finding.prim) for n in e.prim.split("/")}
             named = [m.path for m in scene.materials if m.path.rsplit("/", 1)[-1] in gone]
             say += f" It may be {', '.join(named)} now." if named else ""
         yield say

@@ -14,17 +14,21 @@ import traceback
 import click
 
 import usdslf
+from usdslf.cli.commands.accept import accept
 from usdslf.cli.commands.batch import batch
 from usdslf.cli.commands.bench import bench
 from usdslf.cli.commands.cache import cache
 from usdslf.cli.commands.demo import demo
+from usdslf.cli.commands.diff import diff
 from usdslf.cli.commands.doctor import doctor
 from usdslf.cli.commands.info import info
+from usdslf.cli.commands.merge import merge
 from usdslf.cli.commands.render import render
 from usdslf.cli.commands.review import review
 from usdslf.cli.commands.solve import solve
 from usdslf.cli.commands.stroke import stroke
 from usdslf.cli.commands.stylize import stylize
+from usdslf.cli.commands.toggle import toggle
 from usdslf.cli.commands.view import view
 from usdslf.cli.program import Program, Settings
 from usdslf.cli.terminal import log_as_warnings
@@ -38,7 +42,11 @@ def program() -> None:
     """Paint how a surface should look; get the material change that explains it, as a USD layer."""
 
 
-for command in (info, review, render, stroke, solve, stylize, batch, view, demo, bench, doctor, cache):
+COMMANDS = (
+    *(info, review, accept, toggle, diff, merge, render, stroke, solve, stylize),
+    *(batch, view, demo, bench, doctor, cache),
+)
+for command in COMMANDS:
     program.add_command(command)
 
 

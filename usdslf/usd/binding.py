@@ -1,6 +1,7 @@
 """Which material shows on a prim: asked of USD here and nowhere else.
 
     bound_relationship(prim) -> (material, relationship)   that shows; what a binding has to use to replace it
+    shown_by(prim) -> relationship                         that shows it, as it is composed
     named_material(prim) -> path                           also one that is not there, or that this build cannot read
     preview_surface(material) -> Shader | None             its UsdPreviewSurface
     render_contexts(material) -> list[str]                 those that it has a surface output for, but the universal one
@@ -25,6 +26,12 @@ _PURPOSES = (UsdShade.Tokens.preview, UsdShade.Tokens.allPurpose, UsdShade.Token
 def bound_material(prim: Usd.Prim) -> UsdShade.Material:
     """Returns the material that shows on a gprim or GeomSubset, an invalid one where nothing is bound."""
     return _bound(prim)[0]
+
+
+def shown_by(prim: Usd.Prim) -> Usd.Relationship | None:
+    """Returns the relationship by which the material of a gprim or GeomSubset shows: a binding, or a collection's."""
+    material, relationship = _bound(prim)
+    return relationship if material and relationship else None
 
 
 def bound_relationship(prim: Usd.Prim) -> tuple[Sdf.Path, str]:

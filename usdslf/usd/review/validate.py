@@ -23,7 +23,6 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -32,14 +31,16 @@ from pxr import Ar, Sdf, Sdr, Usd, UsdShade
 
 from usdslf.color import USD_DEFAULT_SPACE, Color, color_of
 from usdslf.errors import StrokeError, UsdslfError
-from usdslf.usd.arcs import inherited_classes
 from usdslf.usd.binding import bound_relationship
 from usdslf.usd.border import reading
 from usdslf.usd.files import assets_of
 from usdslf.usd.layer.provenance import of_another_shot, stale
+from usdslf.usd.layer.shown_paths import ShownPaths, is_there
+from usdslf.usd.layer.silent import SILENT
 from usdslf.usd.layer.wins import why_hidden
 from usdslf.usd.look_data import is_look, our_data, texts
 from usdslf.usd.read.read import read_scene
+from usdslf.usd.review.records import Finding
 from usdslf.usd.stroke_layer import SCOPE, read_strokes
 
 if TYPE_CHECKING:
@@ -53,16 +54,6 @@ RANGES = {
 }  # fmt: skip
 _ABSOLUTE = re.compile(r"^(/|\\|[A-Za-z]:[/\\]|file:)")
 _SOURCE_SPACES = ("raw", "sRGB", "auto")
-
-
-@dataclass(frozen=True)
-class Finding:
-    """One thing that is wrong, or not as it was."""
-
-    name: str
-    prim: str  # composed path; that of the layer where it is in no prim
-    message: str  # what, where, and how to mend it
-    layer: str  # file
 
 
 def validate(stage: Usd.Stage, ocio: str | None, scene: Scene | None = None) -> list[Finding]:
@@ -120,18 +111,8 @@ class _Look:
     def __init__(self, stage: Usd.Stage, layer: Sdf.Layer, color: Color) -> None:
         self.stage, self.layer, self.file = stage, layer, layer.GetDisplayName()
         self.color = color
-        self.users: dict[Sdf.Path, Sdf.Path] = {}  # class -> what inherits it in this layer
-        self._find_classes(layer.pseudoRoot)
-
-    def _find_classes(self, spec: Sdf.PrimSpec) -> None:
-        for child in spec.nameChildren:
-            for base in child.inheritPathList.GetAddedOrExplicitItems():
-                if base.IsRootPrimPath() and self.layer.GetPrimAtPath(base):
-                    self.users[base] = child.path
-            self._find_classes(child)
-            for group in child.variantSets.values():
-                for variant in group.variants.values():
-                    self._find_classes(variant.primSpec)
+        self.shown = ShownPaths(stage, layer)
+        self.users = self.shown.users
 
     def findings(self) -> Iterator[Finding]:
         """Yields what is wrong."""
@@ -143,26 +124,12 @@ class _Look:
         space = our_data(self.layer.customLayerData).get("workingSpace", "")
         if space and not self.color.knows(str(space)):
             yield self._unknown_space(Sdf.Path.absoluteRootPath, str(space))
-        undefined = [s.path for s in self.layer.rootPrims if not self._is_there_prim(self.shown(s.path))]
-        if undefined:  # perhaps the class of an asset, which only instances show
-            classes = inherited_classes(self.stage)
-            self.users |= {base: user for base, user in classes.items() if base.GetPrefixes()[0] in undefined}
         for spec in self.layer.rootPrims:
-            yield from self._of_prim(spec)
-
-    def _is_there_prim(self, path: Sdf.Path) -> bool:
-        prim = self.stage.GetPrimAtPath(path)
-        return bool(prim) and (prim.IsDefined() or prim.IsAbstract())
+            if spec.name != SILENT:
+                yield from self._of_prim(spec)
 
     def _finding(self, name: str, path: Any, message: str) -> Finding:
         return Finding(name, str(path), message, self.file)
-
-    def shown(self, path: Sdf.Path) -> Sdf.Path:
-        """The composed path of what is written in a class for an instance."""
-        path = path.StripAllVariantSelections()
-        while base := next((p for p in path.GetPrefixes() if p in self.users), None):
-            path = path.ReplacePrefix(base, self.users[base])
-        return path
 
     def _of_prim(self, spec: Sdf.PrimSpec) -> Iterator[Finding]:
         path = self.shown(spec.path)
@@ -176,7 +143,7 @@ class _Look:
             for child in spec.nameChildren:  # of a scope of classes
                 yield from self._of_prim(child)
             return
-        if not self._is_there_prim(path):
+        if not is_there(self.stage, path):
             say = f"{path} of {self.file} is not in the shot: renamed, removed, or in a variant that is not chosen."
             yield self._finding("DanglingOver", path, say)
             return
