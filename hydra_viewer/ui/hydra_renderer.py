@@ -195,7 +195,8 @@ class _Drawing:
         color = color_of(shown.shot.ocio, shown.shot.scene.working_space)
         image = self.picture.codes(DisplayPass.of(color, wish.display), wish.display)
         notes, self._notes = self._notes, []
-        return Drawn(wish, image, self.picture.pixels(), self.share, engine.delegate, "; ".join(notes))
+        share = 0.0 if wish.is_moving else self.share
+        return Drawn(wish, image, self.picture.pixels(), share, engine.delegate, "; ".join(notes))
 
     def release(self) -> None:
         """Gives back all; the context is current."""

@@ -77,6 +77,7 @@ class HydraViewport(QObject):
         self.widget = HydraPicture(parent)
         self.widget.resized.connect(self._on_resized)
         self._drawn: Drawn | None = None
+        self._is_stopped = False
         self._renderer = HydraRenderer(self)
         self._renderer.ask(lambda w: replace(w, delegate=delegate))
         self._renderer.drawn.connect(self._on_drawn)
@@ -109,8 +110,9 @@ class HydraViewport(QObject):
 
     def stop(self) -> None:
         """Ends the thread after the picture that it draws."""
-        for signal in (self._renderer.drawn, self._renderer.failed, self.widget.resized):
-            signal.disconnect()
+        self._is_stopped = True
+        self.widget.resized.disconnect()
+        self._renderer.failed.disconnect()
         self._renderer.stop()
 
     def _on_ended(self) -> None:
@@ -121,6 +123,8 @@ class HydraViewport(QObject):
         self._renderer.ask(lambda w: w if w.size == size else replace(w, size=size))
 
     def _on_drawn(self, drawn: Drawn) -> None:
+        if self._is_stopped:  # it was on its way
+            return
         self._drawn = drawn
         self.widget.show_image(drawn.image)
         self.changed.emit()

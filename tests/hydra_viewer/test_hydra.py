@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,14 +18,18 @@ from scipy import ndimage
 Pictures = dict[str, np.ndarray]
 
 
-@pytest.fixture(scope="module")
-def pictures(display: dict[str, str], tmp_path_factory: pytest.TempPathFactory) -> Pictures:
-    folder = tmp_path_factory.mktemp("hydra")
-    command = [sys.executable, "-W", "error", str(ROOT / "tests/kit/hydra_pictures.py"), str(folder)]
+def run_kit(program: str, result: str, display: dict[str, str], folder: Path) -> Pictures:
+    """Runs a program of the kit in a process of its own; what it prints on stderr is a failure, as a warning is."""
+    command = [sys.executable, "-W", "error", str(ROOT / "tests/kit" / program), str(folder)]
     run = subprocess.run(command, env=display, capture_output=True, text=True, timeout=600)
     assert run.returncode == 0, run.stderr[-3000:]
     assert not run.stderr.strip(), run.stderr[-3000:]
-    return dict(np.load(folder / "pictures.npz"))
+    return dict(np.load(folder / result))
+
+
+@pytest.fixture(scope="module")
+def pictures(display: dict[str, str], tmp_path_factory: pytest.TempPathFactory) -> Pictures:
+    return run_kit("hydra_pictures.py", "pictures.npz", display, tmp_path_factory.mktemp("hydra"))
 
 
 def is_on_edge(labels: np.ndarray) -> np.ndarray:
@@ -97,3 +102,46 @@ def test_an_error_is_a_sentence_and_the_viewport_lives_on(pictures: Pictures) ->
 def test_storm_is_listed_first_and_the_pxr_is_named(pictures: Pictures) -> None:
     assert pictures["storm"] and pictures["kinds"][0] == "Hydra: Storm"
     assert str(pictures["choice"]).startswith("Hydra by the UsdImagingGL of")
+
+
+# ── the window ────────────────────────────────────────────────────────────────────────────────────
+@pytest.fixture(scope="module")
+def work(display: dict[str, str], tmp_path_factory: pytest.TempPathFactory) -> Pictures:
+    return run_kit("hydra_window.py", "window.npz", display, tmp_path_factory.mktemp("window"))
+
+
+def mean_color(picture: np.ndarray) -> np.ndarray:
+    return picture.mean((0, 1))
+
+
+def test_alt_and_the_mouse_look_round_in_the_hydra_viewport(work: Pictures) -> None:
+    assert work["name"] == "Hydra: Storm" and not work["said"].size
+    assert np.abs(work["orbited"] - work["hydra"]).mean() > 0.1 * work["hydra"].mean()
+
+
+def test_a_stroke_is_understood_and_shows_in_hydra_and_is_undone_and_done_again(work: Pictures) -> None:
+    assert "grey" in str(work["sentence"])
+    before, painted, undone, again = (mean_color(work[n]) for n in ("orbited", "painted", "undone", "done again"))
+    assert np.ptp(before) < 0.02 * before.mean()  # a grey ball
+    assert painted[1] > 2 * max(painted[0], painted[2])  # a green one
+    assert np.abs(undone - before).max() < 0.01 * before.max()
+    assert np.abs(again - painted).max() < 0.01 * painted.max()
+
+
+def test_what_hydra_showed_is_saved_and_the_shot_is_not_touched(work: Pictures) -> None:
+    assert 'over "grey"' in str(work["look"]) and work["shot unchanged"]
+
+
+def test_the_built_in_viewport_shows_the_same_from_the_same_camera(work: Pictures) -> None:
+    hydra, built_in = work["done again"], work["built in"]
+    assert work["same camera"]
+    rows, columns = (
+        ((np.arange(n) + 0.5) * m / n).astype(int) for n, m in zip(built_in.shape[:2], hydra.shape[:2], strict=True)
+    )
+    rims = []
+    for picture in (hydra[rows][:, columns], built_in):
+        green = (picture[..., 1] > 0.01) & (picture[..., 1] > 2 * picture[..., [0, 2]].max(-1))
+        assert green.mean() > 0.02
+        # The lit side's rim is the ball's; where the other side turns dark is the renderer's affair.
+        rims.append((np.flatnonzero(green.any(1))[0], np.flatnonzero(green.any(0))[-1]))
+    assert np.abs(np.subtract(*rims)).max() <= 1

@@ -69,11 +69,14 @@ def glowing(folder: Path, away: float) -> Path:
 
 
 def lit(folder: Path) -> Path:
-    """A grey ball under a lamp."""
+    """A grey ball under a lamp; the kit's balls are inside out, which Storm minds."""
     b = StageBuilder(folder)
-    b.mesh("ball", ball(0.6), b.material("grey", diffuseColor=(0.4, 0.4, 0.4), roughness=0.5))
-    b.rect_light("lamp", (1, 2, 2), (0, 0, 0), 1.5, 1.5, (8, 8, 8))
-    b.camera((0, 0.3, 2.2), (0, 0, 0))
+    path = b.mesh("ball", ball(0.6), b.material("grey", diffuseColor=(0.4, 0.4, 0.4), roughness=0.5))
+    mesh = UsdGeom.Mesh(b.stage.GetPrimAtPath(path))
+    mesh.CreateOrientationAttr(UsdGeom.Tokens.leftHanded)
+    mesh.GetNormalsAttr().Set(-np.array(mesh.GetNormalsAttr().Get()))
+    b.rect_light("lamp", (1, 2, 2), (0, 0.6, 0), 1.5, 1.5, (8, 8, 8))
+    b.camera((0, 0.9, 2.4), (0, 0.6, 0))
     return b.save()
 
 
