@@ -1,11 +1,14 @@
 """Does a picture of the unchanged shot, painted back over itself, leave nothing to explain?
 
-    python tests/truth/identity.py [SHOT ...] [--samples N] [--elements N] [--dabs N] [--keep DIR] [--json OUT]
+    python tests/truth/identity.py [SHOT ...] [--samples N] [--elements N] [--dabs N] [--fine N] [--keep DIR]
+                                  [--json OUT]
 
 Each shot of kit/asset_shots.py is rendered by usdslf itself.  For every material that fills enough of the
 picture, dabs are laid anywhere on it, edges and thin parts too, and painted with the mean of the picture over each
 dab.  Printed: the residual that the evidence leaves before any change, that picture's own noise at the dabs (from
 a second picture of another seed, in the same measure), and what the solve makes of it; the right answer is none.
+A pixel's colour is of all of it, also of what lies outside of a dab that cuts it: at the rim of something dark before a
+bright sky that alone was .08.  Pictures are finer than the places of dabs, `fine` pixels on a side, with the same rays.
 It compares the evidence with the renderer, not with the truth.  --keep reads pictures that are there from a
 folder, and puts those that are made into it.
 """
@@ -43,17 +46,23 @@ SPLIT = 8  # of a pixel's side, where a dab's edge cuts it
 class Setting:
     """How it is measured."""
 
-    samples: int = 64  # of the pictures
+    samples: int = 64  # of the pictures, in each place of `size`
     elements: int = 4000
     dabs: int = 24  # of a material
     size: tuple[int, int] = (320, 240)
-    radius: float = 0.01  # of a dab, in picture heights: 2.4 pixels
+    radius: float = 0.01  # of a dab, in picture heights: 2.4 of the places
     keep: Path | None = None  # folder of pictures
+    fine: int = 1  # pixels on a side of each place
 
     @property
     def pixels(self) -> float:
-        """Radius of a dab [pixels]."""
+        """Radius of a dab [places]."""
         return self.radius * self.size[1]
+
+    @property
+    def picture(self) -> tuple[tuple[int, int], int]:
+        """Size of the pictures [pixels] and samples of a pixel."""
+        return (self.size[0] * self.fine, self.size[1] * self.fine), max(1, self.samples // self.fine**2)
 
 
 @dataclass(frozen=True)
@@ -93,7 +102,7 @@ def measure(shot: Shot, setting: Setting) -> Iterator[Identity]:
             if len(centers) < setting.dabs:
                 continue
             start = time.perf_counter()
-            colors, other = (disc_means(p, centers, setting.pixels) for p in pictures)
+            colors, other = (disc_means(p, centers, setting.pixels, setting.fine) for p in pictures)
             report = paint_back(session, camera, centers, colors, setting)
             # Two pictures differ by sqrt(2) of the noise of one.
             noise = relative(colors, other) / np.sqrt(2)
@@ -105,12 +114,13 @@ def measure(shot: Shot, setting: Setting) -> Iterator[Identity]:
 
 def two_pictures(session: Any, camera: Any, name: str, setting: Setting) -> list[NDArray]:
     """Returns two pictures of other seeds, read from a folder where they are in it."""
-    kept = setting.keep / f"{name}_{setting.samples}.npz" if setting.keep else None
+    kept = setting.keep / f"{name}_{setting.samples}_{setting.fine}.npz" if setting.keep else None
+    size, samples = setting.picture
     if kept and kept.exists():
         with np.load(kept) as both:
             return [both["first"], both["second"]]
     first, second = (
-        session.render(camera, setting.size, samples=setting.samples, seed=seed)["color"] for seed in (0, 1)
+        session.render(camera, size, samples=samples, seed=seed)["color"] for seed in (0, 1)
     )
     if kept:
         kept.parent.mkdir(parents=True, exist_ok=True)
@@ -159,15 +169,22 @@ def places_on(mask: NDArray, setting: Setting) -> NDArray:
     return np.array(chosen).reshape(-1, 2)
 
 
-def disc_means(picture: NDArray, centers: NDArray, radius: float) -> NDArray:
-    """Returns the mean colours (n, 3) of the picture within a dab about each centre, pixels by their share of it."""
-    reach = int(np.ceil(radius))
-    x, y = np.meshgrid(np.arange(-reach, reach + 1), np.arange(-reach, reach + 1))
-    part = (np.arange(SPLIT) + 0.5) / SPLIT - 0.5
-    fine = np.hypot(x[..., None, None] + part, y[..., None, None] + part[:, None])
-    share = (fine <= radius).mean((2, 3))
+def disc_means(picture: NDArray, centers: NDArray, radius: float, fine: int = 1) -> NDArray:
+    """Returns mean colours (n, 3) of the picture within a dab about the middle of places, pixels by their share of it.
+
+    Args:
+        centers: (n, 2) column and row of each place, of `fine` x `fine` pixels.
+        radius: [places].
+    """
+    middle = 0.5 * (fine - 1)  # [pixels] of a place from its first
+    reach = int(np.ceil(radius * fine + middle))
+    x, y = np.meshgrid(np.arange(-reach, fine + reach), np.arange(-reach, fine + reach))
+    part = (np.arange(SPLIT) + 0.5) / SPLIT - 0.5 - middle
+    away = np.hypot(x[..., None, None] + part, y[..., None, None] + part[:, None])
+    share = (away <= radius * fine).mean((2, 3))
     x, y, share = x[share > 0], y[share > 0], share[share > 0]
-    return np.stack([np.average(picture[r + y, c + x], 0, weights=share) for c, r in centers]).astype(float)
+    means = [np.average(picture[fine * r + y, fine * c + x], 0, weights=share) for c, r in centers]
+    return np.stack(means).astype(float)
 
 
 def relative(a: NDArray, b: NDArray) -> float:
@@ -182,12 +199,13 @@ def main() -> None:
     parser.add_argument("--samples", type=int, default=Setting.samples)
     parser.add_argument("--elements", type=int, default=Setting.elements)
     parser.add_argument("--dabs", type=int, default=Setting.dabs)
+    parser.add_argument("--fine", type=int, default=4, help="pixels on a side of a place; default 4")
     parser.add_argument("--keep", type=Path, help="folder of pictures")
     parser.add_argument("--json", type=Path)
     a = parser.parse_args()
     found: list[Identity] = []
     for name in a.shots or SHOTS:
-        for identity in measure(SHOTS[name], Setting(a.samples, a.elements, a.dabs, keep=a.keep)):
+        for identity in measure(SHOTS[name], Setting(a.samples, a.elements, a.dabs, keep=a.keep, fine=a.fine)):
             print(identity, flush=True)
             found.append(identity)
     for name in dict.fromkeys(i.shot for i in found):
