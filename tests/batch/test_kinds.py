@@ -16,8 +16,9 @@ from pxr import Gf, Sdf, Usd, UsdShade
 
 import usdslf
 from usdslf.batch import collect, plan, run_job
+from usdslf.batch.changed import what_changed
 from usdslf.batch.elsewhere import prefer_what_holds, score_elsewhere
-from usdslf.batch.identity import identity_of, what_changed
+from usdslf.batch.identity import identity_of
 from usdslf.color import USD_DEFAULT_SPACE, color_of
 from usdslf.errors import InputError
 from usdslf.shot import Shot

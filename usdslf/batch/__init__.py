@@ -15,16 +15,22 @@ Public names:
     Changed, Scored  records
 """
 
-from usdslf.batch.cluster import on_cluster
-from usdslf.batch.collect import collect
-from usdslf.batch.elsewhere import Scored, score_elsewhere
-from usdslf.batch.identity import Changed, what_changed
-from usdslf.batch.job import Event, Job, Limits, Result
-from usdslf.batch.openjd import write_template
-from usdslf.batch.plan import Plan, plan
-from usdslf.batch.run import run_batch
-from usdslf.batch.summary import Row, Summary
-from usdslf.batch.work import run_job
+from __future__ import annotations
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from usdslf.batch.changed import Changed, what_changed
+    from usdslf.batch.cluster import on_cluster
+    from usdslf.batch.collecting import collect
+    from usdslf.batch.elsewhere import Scored, score_elsewhere
+    from usdslf.batch.job import Event, Job, Limits, Result
+    from usdslf.batch.openjd import write_template
+    from usdslf.batch.planning import Plan, plan
+    from usdslf.batch.run import run_batch
+    from usdslf.batch.summary import Row, Summary
+    from usdslf.batch.work import run_job
 
 __all__ = [
     "Changed",
@@ -45,3 +51,29 @@ __all__ = [
     "what_changed",
     "write_template",
 ]
+
+# Loaded at first use: who plans and watches jobs needs neither USD nor OpenCL.
+_HOME = {
+    **dict.fromkeys(("Changed", "what_changed"), "changed"),
+    "on_cluster": "cluster",
+    "collect": "collecting",
+    **dict.fromkeys(("Scored", "score_elsewhere"), "elsewhere"),
+    **dict.fromkeys(("Event", "Job", "Limits", "Result"), "job"),
+    "write_template": "openjd",
+    **dict.fromkeys(("Plan", "plan"), "planning"),
+    "run_batch": "run",
+    **dict.fromkeys(("Row", "Summary"), "summary"),
+    "run_job": "work",
+}
+
+
+if not TYPE_CHECKING:  # type checkers are to find unknown names
+
+    def __getattr__(name: str) -> Any:
+        if name not in _HOME:
+            raise AttributeError(f"module 'usdslf.batch' has no attribute {name!r}")
+        return getattr(import_module(f"usdslf.batch.{_HOME[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})

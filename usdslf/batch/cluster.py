@@ -26,8 +26,7 @@ from typing import Any
 from usdslf.batch.apart import Hear, run_apart
 from usdslf.batch.job import Event, Job, Limits, Result
 from usdslf.batch.places import staged
-from usdslf.batch.plan import Plan
-from usdslf.batch.reads import reads_of
+from usdslf.batch.planning import Plan
 from usdslf.batch.run import Engine
 from usdslf.errors import InputError, UsdslfError
 
@@ -134,6 +133,8 @@ class _Shipped:
 
     def of(self, job: Job) -> dict[str, Any]:
         """Returns the contents of the files that a job reads, by their absolute paths, as they travel."""
+        from usdslf.batch.reads import reads_of
+
         names = [*reads_of(job).files]
         for need in (self.found.job(name) for name in job.needs):
             names += [str(p) for p in need.folder.rglob("*") if p.is_file()]

@@ -18,7 +18,7 @@ from typing import Any
 
 from usdslf.batch.inputs import read_together
 from usdslf.batch.job import Job
-from usdslf.batch.plan import Plan
+from usdslf.batch.planning import Plan
 from usdslf.batch.reads import reads_of
 from usdslf.batch.run import phases
 from usdslf.errors import InputError

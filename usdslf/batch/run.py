@@ -13,12 +13,12 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 
 from usdslf.batch.apart import Hear, Stopped, run_apart
-from usdslf.batch.collect import collect
-from usdslf.batch.identity import what_changed
+from usdslf.batch.changed import what_changed
+from usdslf.batch.collecting import collect
 from usdslf.batch.inputs import Hashes
 from usdslf.batch.job import Event, Job, Result
 from usdslf.batch.places import remove_abandoned
-from usdslf.batch.plan import Plan, why_to_run
+from usdslf.batch.planning import Plan, why_to_run
 from usdslf.batch.records import forget_failure, read_failure, read_result, write_failure, write_note
 from usdslf.batch.summary import Summary
 from usdslf.errors import UsdslfError

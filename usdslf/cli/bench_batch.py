@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from usdslf.batch.apart import resident
 from usdslf.batch.job import Event
-from usdslf.batch.plan import Plan, plan
+from usdslf.batch.planning import Plan, plan
 from usdslf.batch.records import read_note
 from usdslf.batch.run import run_batch
 from usdslf.batch.work import run_job

@@ -17,7 +17,7 @@ from usdslf.cli.terminal import talk
 
 if TYPE_CHECKING:
     from usdslf.batch.job import Event
-    from usdslf.batch.plan import Plan
+    from usdslf.batch.planning import Plan
     from usdslf.batch.run import Engine
     from usdslf.batch.summary import Summary
 
@@ -56,7 +56,7 @@ def batch(
 
     Finished jobs are known by the contents of all that they read: the same command goes on where it was stopped.
     """
-    from usdslf.batch.plan import plan
+    from usdslf.batch.planning import plan
 
     if way.ship and not way.scheduler:
         raise click.UsageError("--ship sends files to the workers of a --scheduler; name one")
@@ -89,7 +89,7 @@ def _run_one(found: Plan, name: str, settings: Settings) -> None:
 
 
 def _collected(found: Plan) -> Summary:
-    from usdslf.batch.collect import collect
+    from usdslf.batch.collecting import collect
 
     return collect(found)
 
@@ -101,7 +101,7 @@ def _run(found: Plan, way: Way, settings: Settings) -> Summary:
         with _stoppable(), _told(found, settings.quiet) as hear:
             return run_batch(found, _engine(way), hear)
     except KeyboardInterrupt:
-        from usdslf.batch.plan import plan
+        from usdslf.batch.planning import plan
 
         left = len(plan(found.manifest, found.output, prefer_robust=way.prefer_robust).to_run)
         done = len(found.jobs) - left

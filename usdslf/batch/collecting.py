@@ -1,4 +1,4 @@
-"""Collect: what came of all jobs of a plan, from what they wrote.
+"""Collecting: what came of all jobs of a plan, from what they wrote.
 
 collect(plan) -> Summary      also written: summary.json, summary.csv, junit.xml, index.html, sheet.png
 """
@@ -10,9 +10,8 @@ from pathlib import Path
 
 from usdslf.batch.job import Job, Result
 from usdslf.batch.places import RECORDS, why_outside
-from usdslf.batch.plan import Plan
+from usdslf.batch.planning import Plan
 from usdslf.batch.records import as_known, read_note
-from usdslf.batch.sheet import write_sheet
 from usdslf.batch.summary import Row, Summary, write_summary
 from usdslf.errors import AuthorError
 
@@ -33,7 +32,10 @@ def collect(found: Plan) -> Summary:
     (folder / RECORDS).mkdir(parents=True, exist_ok=True)
     rows = tuple(_row(job, as_known(job), os.path.dirname(found.manifest)) for job in found.jobs)
     summary = Summary(os.path.basename(found.manifest), found.output, rows)
-    write_sheet(summary)
+    if any(row.pictures for row in rows) or (folder / "sheet.png").exists():
+        from usdslf.batch.sheet import write_sheet
+
+        write_sheet(summary)
     write_summary(summary, folder)
     return summary
 

@@ -1,4 +1,4 @@
-"""Plan: the jobs of a manifest, by name, and which of them are finished.
+"""Planning: the jobs of a manifest, by name, and which of them are finished.
 
     plan(manifest, output) -> Plan
 
