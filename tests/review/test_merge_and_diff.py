@@ -10,6 +10,7 @@ from pathlib import Path
 import jsonschema
 import numpy as np
 import pytest
+from kit.look_stages import change_of
 from kit.reviewed_looks import RED, write_look
 from kit.varying_floor import places, seen, stroke, write_floor
 
@@ -20,6 +21,7 @@ from usdslf.review.merge import merge_strokes, write_merged
 from usdslf.review.review import ReviewSettings
 from usdslf.shot import Shot
 from usdslf.strokes.stroke import Stroke
+from usdslf.usd.author.author import author_look
 from usdslf.usd.review.accept import Wish, accept_look
 from usdslf.usd.schema import schema_folder
 
@@ -32,59 +34,53 @@ def floor(tmp_path_factory: pytest.TempPathFactory) -> Shot:
     return usdslf.open(str(write_floor(tmp_path_factory.mktemp("floor"))), elements=400).shot
 
 
-def layer(shot: Shot, name: str, color: tuple[float, ...]) -> Path:
-    file = Path(shot.path).parent / name
-    usdslf.write_strokes(file, [stroke(seen(places(), color))], shot.source)
-    return file
+def few(color: tuple[float, ...]) -> Stroke:
+    """Eight dabs."""
+    s = stroke(seen(places(), color))
+    rows = np.arange(2 * len(places())).reshape(-1, 2)[::4].ravel()
+    kept = {name: getattr(s, name)[rows] for name in ("points", "widths", "colors", "eye")}
+    return replace(s, curve_counts=(2,) * (len(rows) // 2), **kept)
+
+
+def layer(shot: Shot, folder: str, color: tuple[float, ...], **more: object) -> Path:
+    home = Path(shot.path).parent / folder
+    home.mkdir(exist_ok=True)
+    usdslf.write_strokes(home / "strokes.usda", [replace(few(color), **more)], shot.source)
+    return home / "strokes.usda"
 
 
 # ---- merge -------------------------------------------------------------------------------------------
 def test_artists_who_agree_are_one_layer(floor: Shot, tmp_path: Path) -> None:
-    same = [layer(floor, f"{name}.usda", RED_PAINT) for name in ("anna", "ben")]
-    merged = merge_strokes(floor, same)
-    assert merged.conflicts == ()
-    assert [s.name for s in merged.strokes] == ["stroke_0001", "ben_stroke_0001"]
-    assert merged.renamed == {f"{same[1]}:stroke_0001": "ben_stroke_0001"}
+    """Three layers of one file name each; one stroke is switched off."""
+    files = [layer(floor, name, RED_PAINT) for name in ("anna", "ben")]
+    files.append(layer(floor, "off", BLUE_PAINT, active=False))
+    merged = merge_strokes(floor, files)
+    assert merged.conflicts == () and any("no active stroke" in w for w in merged.warnings)
+    names = [s.name for s in merged.strokes]
+    assert names == ["stroke_0001", "strokes_stroke_0001", "strokes_stroke_0001_2"]
+    assert merged.renamed == {f"{f}:stroke_0001": n for f, n in zip(files[1:], names[1:])}
     write_merged(tmp_path / "both.usda", merged, floor)
     read = usdslf.read_strokes(tmp_path / "both.usda")
-    assert [s.name for s in read] == [s.name for s in merged.strokes]
-    np.testing.assert_allclose(read[1].colors, usdslf.read_strokes(same[1])[0].colors)
+    assert [(s.name, s.active) for s in read] == list(zip(names, (True, True, False)))
+    np.testing.assert_allclose(read[1].colors, usdslf.read_strokes(files[1])[0].colors)
 
 
-def test_artists_who_contradict_each_other_are_both_shown(floor: Shot) -> None:
-    files = [layer(floor, "anna.usda", RED_PAINT), layer(floor, "carl.usda", BLUE_PAINT)]
-    merged = merge_strokes(floor, files)
-    (conflict,) = merged.conflicts
-    assert conflict.material == "/World/mtl/floor" and "different values of diffuse" in conflict.why
-    assert [Path(s.layer).name for s in conflict.said] == ["anna.usda", "carl.usda", ""]
-    for said, color in zip(conflict.said, (RED_PAINT, BLUE_PAINT)):
-        np.testing.assert_allclose(said.after["diffuse"], color, atol=0.03)
-    json.dumps(merged.as_values())
+def test_artists_who_contradict_each_other_are_both_shown(floor: Shot, run: Run, tmp_path: Path) -> None:
+    files = [layer(floor, "anna", RED_PAINT), layer(floor, "carl", BLUE_PAINT)]
+    out = tmp_path / "both.usda"
+    code, said, err = run("merge", floor.path, *files, "-o", out, "--elements", 300, "--json")
+    assert code == 1, err
+    (conflict,) = json.loads(said)["conflicts"]
+    assert conflict["material"] == "/World/mtl/floor" and "different values of diffuse" in conflict["why"]
+    assert [Path(s["layer"]).parent.name for s in conflict["said"]] == ["anna", "carl", ""]
+    for each, color in zip(conflict["said"], (RED_PAINT, BLUE_PAINT)):
+        np.testing.assert_allclose(each["after"]["diffuse"], color, atol=0.03)
+    assert len(usdslf.read_strokes(out)) == 2
 
 
 def test_one_layer_is_nothing_to_merge(floor: Shot) -> None:
     with pytest.raises(InputError, match="name two or more"):
-        merge_strokes(floor, [layer(floor, "anna.usda", RED_PAINT)])
-
-
-def test_the_command_names_conflicts_and_ends_with_one(floor: Shot, run: Run, tmp_path: Path) -> None:
-    files = [layer(floor, "anna.usda", RED_PAINT), layer(floor, "carl.usda", BLUE_PAINT)]
-    out = tmp_path / "both.usda"
-    code, said, err = run("merge", floor.path, *files, "-o", out, "--elements", 300)
-    assert code == 1 and "conflict on /World/mtl/floor: they ask for different values of diffuse" in said, err
-    assert "2 strokes, 1 conflicts" in said and len(usdslf.read_strokes(out)) == 2
-
-
-def test_names_of_many_layers_stay_apart(floor: Shot) -> None:
-    one: list[Stroke] = [stroke(seen(places(), RED_PAINT))]
-    files = []
-    for folder in ("a", "b", "c"):  # of one name each
-        home = Path(floor.path).parent / folder
-        home.mkdir(exist_ok=True)
-        usdslf.write_strokes(home / "strokes.usda", [replace(s, active=folder != "c") for s in one], floor.source)
-        files.append(home / "strokes.usda")
-    names = [s.name for s in merge_strokes(floor, files).strokes]
-    assert len(set(names)) == 3 and names[0] == "stroke_0001"
+        merge_strokes(floor, [layer(floor, "anna", RED_PAINT)])
 
 
 # ---- diff --------------------------------------------------------------------------------------------
@@ -106,15 +102,11 @@ def test_what_two_looks_say_otherwise(tmp_path: Path, run: Run) -> None:
     assert code == 0 and len(json.loads(said)["rows"]) == 2
 
 
-def test_the_page_of_a_comparison_has_one_look_on_each_side(floor: Shot, run: Run) -> None:
+def test_a_comparison_has_one_look_on_each_side(floor: Shot) -> None:
     home = Path(floor.path).parent
-    looks = []
-    for name, color in (("red", RED_PAINT), ("blue", BLUE_PAINT)):
-        session = usdslf.Session(floor)
-        session.add_stroke(stroke(seen(places(), color)))
-        session.solve()
-        session.author(home / f"{name}.usda")
-        looks.append(home / f"{name}.usda")
+    looks = [home / "red.usda", home / "blue.usda"]
+    for look, color in zip(looks, (RED_PAINT, BLUE_PAINT)):
+        author_look(floor.source, [change_of(floor.source, "/World/floor", "diffuse", color)], look)
     how = ReviewSettings(size=(64, 36), frames=1, held_out=1, quality={"elements": 300})
     found, review = compare(floor.path, *looks, how)
     assert {r.attribute for r in found.rows} == {"inputs:diffuseColor"}
