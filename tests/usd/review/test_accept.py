@@ -5,14 +5,18 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
-from kit.look_stages import shown
-from kit.reviewed_looks import ORM, PACKED, RED, composed, write_look
+from kit.look_stages import author, change_of, shown
+from kit.reviewed_looks import ORM, PACKED, RED, composed, write_look, write_shot
 from pxr import Sdf, Usd
 
+from usdslf.edits.baked_texture import Baked
 from usdslf.errors import InputError
+from usdslf.textures.images import write_image
 from usdslf.usd.review.accept import Wish, accept_look
 from usdslf.usd.review.review import review_look
 from usdslf.usd.review.toggle import toggle
@@ -120,6 +124,35 @@ def test_paths_hold_in_another_folder(folder: Path) -> None:
     data = Sdf.Layer.FindOrOpen(str(folder / "elsewhere" / "accepted.usda")).customLayerData["usdslf"]
     assert data["shot"] == "../shot.usda"
     assert not review_look(folder / "shot.usda", folder / "elsewhere" / "accepted.usda", None).findings
+
+
+def baked_look(folder: Path) -> list[Path]:
+    """A look with a baked texture on each of two materials."""
+    stage = write_shot(folder)
+    files, changes = [], []
+    for prim, digit in (("/World/ball", "a"), ("/World/crate", "b")):
+        file = folder / "look.textures" / f"map_{digit * 12}.exr"
+        file.parent.mkdir(exist_ok=True)
+        files.append(write_image(file, np.full((2, 2, 1), 0.3)))
+        baked = Baked(str(file), "raw", "r", (0.5,), (0.3,), (0.3,) * 4, "repeat", "repeat", "st", 4)
+        name = "ior" if prim == "/World/crate" else "roughness"
+        changes.append(replace(change_of(stage, prim, "glossiness"), freed=(), baked={name: baked}))
+    author(stage, folder, *changes)
+    return files
+
+
+def test_only_textures_that_are_needed_are_carried(tmp_path: Path) -> None:
+    files = baked_look(tmp_path)
+    shot, look, out = (tmp_path / n for n in ("shot.usda", "look.usda", "accepted.usda"))
+    done = accept_look(shot, look, out)
+    assert [Path(t).name for t in done.textures] == [f.name for f in files]
+    assert not review_look(shot, out, None).findings and all(f.is_file() for f in files)
+    done = accept_look(shot, look, out, Wish(but=(PACKED,)))
+    assert [p.name for p in (tmp_path / "accepted.textures").iterdir()] == [files[0].name]
+    assert len(done.textures) == 1 and all(f.is_file() for f in files)
+    accept_look(shot, look, out, Wish(but=(PACKED, RED)))
+    assert not (tmp_path / "accepted.textures").exists()
+    assert composed(tmp_path, "accepted.usda") == composed(tmp_path, "")
 
 
 # ---- verdict files --------------------------------------------------------------------------------
