@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import ast
+import re
 import time
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
+import usdslf.batch
 from usdslf.batch import plan
 from usdslf.batch.job import Job
 from usdslf.batch.places import staged, why_outside
@@ -114,3 +117,26 @@ def test_ten_thousand_jobs_are_planned_in_seconds(tmp_path: Path) -> None:
     found = plan(tmp_path / "batch.toml")
     assert len(found.jobs) == len(found.to_run) == 10000
     assert time.process_time() - began < 10
+
+
+def test_the_readme_says_what_can_be_run(tmp_path: Path) -> None:
+    text = (Path(__file__).parents[2] / "README.md").read_text(encoding="utf-8")
+    (block,) = re.findall(r"```toml\n(.*?)```", text, re.S)
+    (tmp_path / "batch.toml").write_text(block)
+    files = (
+        "hdri/a.hdr",
+        "shots/010/shot.usda",
+        "shots/010/strokes_1.usda",
+        "shots/020/shot.usda",
+        "shots/020/strokes.usda",
+    )
+    for name in files:
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).touch()
+    names = [j.name for j in plan(tmp_path / "batch.toml").jobs]
+    assert names[:4] == ["010_strokes_1", "020_strokes", "accepted/010", "accepted/020"]
+    assert names[4:6] == ["teapot/measure/set_day_strokes", "teapot/measure/set_night_strokes"]
+    assert names[-1] == "teapot/shots/set_night_strokes" and "teapot/look" in names
+    for code in re.findall(r"```python\n(.*?)```", text, re.S):
+        imported = [n.name for t in ast.walk(ast.parse(code)) if isinstance(t, ast.ImportFrom) for n in t.names]
+        assert set(imported) <= set(usdslf.batch.__all__) if "usdslf.batch" in code else True

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -21,6 +22,7 @@ from kit.batch_shots import break_shot, bytes_below, mend_hanging, write_look, w
 from usdslf.batch import Event, Limits, Summary, collect, plan, run_batch, run_job
 from usdslf.batch.apart import Stopped, run_apart
 from usdslf.batch.job import Job
+from usdslf.batch.records import write_failure
 
 GOOD = tuple(f"good{k}" for k in range(6))  # the first two are solved, the others shown under a look
 WRONG = ("a_hangs", "corrupt", "crashes", "empty", "killed", "missing")
@@ -126,6 +128,8 @@ def test_what_is_finished_is_known_by_content(ran: Ran) -> None:
     layer = ran.folder / "shots/a_hangs/pipe.usda"  # a sublayer
     layer.write_text("#usda 1.0\n# another\n")
     assert plan(manifest).why["a_hangs"] == "../shots/a_hangs/pipe.usda changed"
+    layer.write_text("#usda 1.0\n")
+    assert plan(manifest).why["a_hangs"] == ""
     look = ran.folder / "out/good1/look.usda"
     whole = look.read_bytes()
     look.write_bytes(whole[:-1])
@@ -137,9 +141,16 @@ def test_what_is_finished_is_known_by_content(ran: Ran) -> None:
     assert plan(manifest).why["good2"] == ""
 
 
+def test_results_stand_where_the_project_is_moved(ran: Ran, tmp_path: Path) -> None:
+    shutil.copytree(ran.folder, tmp_path / "moved")
+    why = plan(tmp_path / "moved/batch.toml").why
+    assert {name for name, w in why.items() if not w} == {*GOOD, "a_hangs", "killed"}
+
+
 def test_a_job_in_this_process_writes_the_same_bytes(ran: Ran, tmp_path: Path) -> None:
     """The studio's own scheduler: run_job and collect, no process of ours."""
     found = plan(ran.folder / "batch.toml", ran.folder / "own")
+    write_failure(found.job("good1"), "an earlier run failed", "error")
     run_job(found.job("good1"))
     mine, theirs = (bytes_below(ran.folder / name / "good1") for name in ("own", "out"))
     assert mine == theirs and set(mine) == {"look.usda", "report.json", "result.json"}

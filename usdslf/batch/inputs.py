@@ -49,9 +49,12 @@ def inputs_of(job: Job, read: Read) -> dict[str, str]:
 
 
 def row_of(job: Job) -> str:
-    """Returns a name of what a job is told; of files their places, as contents are named by `inputs_of`."""
-    text = replace(job, output="", root="").as_json() + usdslf.__version__
-    return hashlib.sha256(text.replace(job.output + os.sep, "").encode()).hexdigest()
+    """Returns a name of what a job is told; of files their places beside the output, as contents are in `inputs_of`."""
+    shot, strokes, look, *elsewhere = (
+        os.path.relpath(p, job.output) if p else "" for p in (job.shot, job.strokes, job.look, *job.elsewhere)
+    )
+    told = replace(job, shot=shot, strokes=strokes, look=look, elsewhere=tuple(elsewhere), output="", root="")
+    return hashlib.sha256((told.as_json() + usdslf.__version__).encode()).hexdigest()
 
 
 def why_stale(job: Job, result: Result | None, hashes: Callable[[str], str]) -> str:

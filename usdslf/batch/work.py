@@ -15,7 +15,7 @@ from usdslf.batch.found import Worker
 from usdslf.batch.inputs import inputs_of, row_of
 from usdslf.batch.job import Job, Result
 from usdslf.batch.places import hash_of, staged
-from usdslf.batch.records import RESULT, text_of, without_root
+from usdslf.batch.records import RESULT, forget_failure, text_of, without_root
 from usdslf.errors import InputError
 from usdslf.progress import hearing
 
@@ -48,6 +48,7 @@ def run_job(job: Job, say: Say | None = None) -> Result:
         result = without_root(job, result)
         result = replace(result, files={name: hash_of(folder / name) for name in names})
         (folder / RESULT).write_text(text_of(result.as_values()), encoding="utf-8")
+    forget_failure(job)
     return result
 
 
