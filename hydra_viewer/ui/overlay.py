@@ -28,7 +28,11 @@ LEAST_PRESSURE = 0.1
 
 
 class Overlay(QWidget):
-    """Strokes, brush and marks over the picture."""
+    """Strokes, brush and marks over the picture.
+
+    Attributes:
+        path: of the stroke that is being painted; None: none is.
+    """
 
     def __init__(self, document: Document, easel: Easel, parent: QWidget) -> None:
         super().__init__(parent)
@@ -36,7 +40,7 @@ class Overlay(QWidget):
         self.setAttribute(Qt.WidgetAttribute.WA_NoSystemBackground)
         self._document, self._easel = document, easel
         self._rims: dict[str, QImage] = {}
-        self._path: PenPath | None = None
+        self.path: PenPath | None = None
         self._at: tuple[float, float] | None = None
         self._seen: Pick | None = None
         self._laid: dict[int, Marks] = {}  # by stroke
@@ -46,7 +50,7 @@ class Overlay(QWidget):
 
     def draw_path(self, path: PenPath | None) -> None:
         """Draws the stroke that is being painted; None: none is."""
-        self._path = path
+        self.path = path
         self.update()
 
     def point_at(self, at: tuple[float, float] | None) -> None:
@@ -57,7 +61,7 @@ class Overlay(QWidget):
         if at is not None and shot is not None and view is not None and self._easel.pointer == "paint":
             place = at[0] / max(self.width(), 1), at[1] / max(self.height(), 1)
             self._seen = pick(shot, view.camera, place, self._aspect)
-        if self._path is None:
+        if self.path is None:
             self.update(before.united(self._brush_rect()))
 
     def set_rim(self, name: str, rim: QImage | None) -> None:
@@ -66,6 +70,11 @@ class Overlay(QWidget):
         if rim is not None:
             self._rims[name] = rim
         self.update()
+
+    @property
+    def rim_names(self) -> tuple[str, ...]:
+        """Of the rims that are drawn."""
+        return tuple(self._rims)
 
     @property
     def _aspect(self) -> float:
@@ -95,8 +104,8 @@ class Overlay(QWidget):
             self._draw_gate(painter, view.camera)
         if self._easel.brush.tool == "clone":
             self._draw_source(painter, view.camera)
-        if self._path is not None:
-            self._draw_path(painter, self._path)
+        if self.path is not None:
+            self._draw_path(painter, self.path)
         if self._at is not None and self._easel.pointer == "paint":
             self._draw_brush(painter, view.camera, self._at)
 
