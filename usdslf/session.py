@@ -24,6 +24,7 @@ from usdslf.solution import Settings, Solution, check_stroke, find_solution, fin
 from usdslf.strokes.stroke import Stroke
 from usdslf.stylize.unsharp_mask import AMOUNT, RADIUS, Stylized
 from usdslf.usd.layer.wins import AuthoredEdit
+from usdslf.viewing import view_shot
 
 
 class Session(SessionState):
@@ -127,6 +128,12 @@ class Session(SessionState):
         """
         with self.hearing(), step("similarity", self.own_seconds):
             return similarity_to(self.shot, stroke, camera, size, weights, self.warnings)
+
+    def view(self) -> None:
+        """Shows the shot and the strokes in the viewer until its window is closed; what is painted there is kept."""
+        strokes, solution = view_shot(self.shot, self.strokes)
+        self.strokes = list(strokes)
+        self.keep(solution)
 
     def at_frame(self, frame: float) -> Session:
         """Returns a session on the shot at another frame, a time code, with the strokes; see `Shot.at_frame`."""

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import argparse
+import json
 import signal
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from importlib import import_module
 from typing import Any
 
 from PySide6.QtCore import QTimer
@@ -14,6 +16,7 @@ from hydra_viewer.model.document import Files
 from hydra_viewer.ui import words
 from hydra_viewer.ui.theme import apply_theme
 from hydra_viewer.ui.window import Window
+from usdslf import Shot, Solution, Stroke
 
 OPTIONS: dict[str, Callable[[str], Any]] = {
     "frame": float, "device": str, "ocio": str, "elements": int, "bounces": int, "refine": int, "model": str,
@@ -52,14 +55,38 @@ def view(files: Files, options: Mapping[str, Any] | None = None) -> int:
     return application.exec()
 
 
+def view_shot(shot: Shot, strokes: Sequence[Stroke]) -> tuple[tuple[Stroke, ...], Solution]:
+    """Shows a shot until the window is closed; returns the strokes on it then, and what was found of them.
+
+    Args:
+        shot: that another program has open.
+        strokes: on it.
+    """
+    application = make_application()
+    window = Window()
+    window.filing.asks = False  # the strokes go back to who asked for the window
+    window.show()
+    window.filing.open_shot(shot, strokes)
+    application.exec()
+    document = window.document
+    is_solved = document.is_solved and document.found is not None
+    return document.strokes, document.found.solution if is_solved and document.found else Solution()
+
+
 def main(arguments: list[str] | None = None) -> int:
     """Runs `python -m hydra_viewer`, whose options are those of the command line's `view`."""
     parser = argparse.ArgumentParser(prog="usdslf view", description=words.PROGRAM)
     for name in ("stage", "strokes", "look"):
         parser.add_argument(name, nargs="?", default="", metavar=name.upper())
     parser.add_argument("--make-preview", action="store_true")
+    parser.add_argument("--bench", action="store_true", help=argparse.SUPPRESS)
     for name, kind in OPTIONS.items():
         parser.add_argument(f"--{name.replace('_', '-')}", type=kind)
     given = vars(parser.parse_args(arguments))
     files = Files(*(given.pop(name) for name in ("stage", "strokes", "look")))
-    return view(files, {name: value for name, value in given.items() if value is not None})
+    is_bench = given.pop("bench")
+    options = {name: value for name, value in given.items() if value is not None}
+    if is_bench:
+        print(json.dumps(import_module("hydra_viewer.ui.bench").measure(files.stage, options)))
+        return 0
+    return view(files, options)

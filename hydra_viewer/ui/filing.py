@@ -25,12 +25,17 @@ Answer = QMessageBox.StandardButton
 
 
 class Filing(QObject):
-    """The files of a window's document."""
+    """The files of a window's document.
+
+    Attributes:
+        asks: about strokes that are not saved; False: somebody else keeps them.
+    """
 
     def __init__(self, painting: PaintingWidget, bar: MessageBar, options: dict[str, Any], window: QWidget) -> None:
         super().__init__(window)
         self._painting, self._bar, self._options, self._window = painting, bar, options, window
         self._document, self._worker = painting.document, painting.worker
+        self.asks = True
         self.autosave, self._watching = Autosave(self._document), Watching(self)
         self._watching.changed.connect(self._on_stage_changed)
 
@@ -104,25 +109,29 @@ class Filing(QObject):
 
     # ── save ───────────────────────────────────────────────────────────────────────────────────
 
-    def save(self) -> None:
-        """Writes strokes and look, on the worker; asks for names where there are none."""
+    def save(self, then: Callable[[], object] = lambda: None) -> None:
+        """Writes strokes and look, on the worker; asks for names where there are none.
+
+        Args:
+            then: what comes when both are on the disk.
+        """
         document = self._document
         if document.shot is not None and document.files.strokes:
-            self._save_to(document.files)
+            self._save_to(document.files, then)
         elif document.shot is not None:
-            self.save_as()
+            self.save_as(then)
 
-    def save_as(self) -> None:
-        """Asks where strokes and look go, and writes them."""
+    def save_as(self, then: Callable[[], object] = lambda: None) -> None:
+        """Asks where strokes and look go, and writes them; `then` as of `save`."""
         files = self._document.files
         beside = Path(files.stage or "shot.usda")
         strokes = self._ask_name(words.CHOOSE_STROKES, files.strokes or str(beside.with_name("strokes.usda")))
         if strokes:
             look = self._ask_name(words.CHOOSE_LOOK, files.look or str(Path(strokes).with_name("look.usda")))
             if look:
-                self._save_to(replace(files, strokes=strokes, look=look))
+                self._save_to(replace(files, strokes=strokes, look=look), then)
 
-    def _save_to(self, files: Files) -> None:
+    def _save_to(self, files: Files, then: Callable[[], object]) -> None:
         document = self._document
         shot, found, strokes = document.shot, document.found, document.strokes
         assert shot is not None
@@ -130,12 +139,13 @@ class Filing(QObject):
         def done(files: Files) -> None:
             self.autosave.forget()
             document.mark_saved(files, strokes)
+            then()
 
         self._worker.start(Job("save", lambda: saving(shot, found, strokes, files), done, self._fail))
 
     def may_leave(self) -> bool:
         """Asks about strokes that are not saved; returns whether they may be lost, or are being saved no more."""
-        if self._document.is_saved or self._document.shot is None:
+        if self._document.is_saved or self._document.shot is None or not self.asks:
             return True
         asked = QMessageBox(QMessageBox.Icon.Question, words.TITLE, words.NOT_SAVED, parent=self._window)
         asked.setInformativeText(words.NOT_SAVED_MORE)
@@ -143,7 +153,7 @@ class Filing(QObject):
         asked.setDefaultButton(Answer.Save)
         answer = Answer(asked.exec())
         if answer == Answer.Save:
-            self.save()
+            self.save(then=self._window.close)
             return False
         if answer == Answer.Discard:
             self.autosave.forget()

@@ -15,11 +15,15 @@ from usdslf.cli.terminal import progress
 )
 @click.option("--batch", is_flag=True, help="Throughput and cost of batches instead.")
 @click.option("--jobs", type=click.IntRange(1, 10000), default=24, show_default=True, help="Of the longest batch.")
+@click.option("--viewer", is_flag=True, help="How long an artist waits in the window instead.")
 @settings
-def bench(settings: Settings, as_json: bool, elements: int, batch: bool, jobs: int) -> None:
+def bench(settings: Settings, as_json: bool, elements: int, batch: bool, jobs: int, viewer: bool) -> None:
     """Time of each step beside the measured limits of this machine."""
     if batch:
         _bench_batch(settings, as_json, jobs)
+        return
+    if viewer:
+        _bench_viewer(settings, as_json, elements)
         return
     from usdslf.cli.bench import lines_of_table, measure
 
@@ -40,3 +44,13 @@ def _bench_batch(settings: Settings, as_json: bool, jobs: int) -> None:
         print_json(found)
     else:
         click.echo("\n".join(lines_of_batch(found)))
+
+
+def _bench_viewer(settings: Settings, as_json: bool, elements: int) -> None:
+    from usdslf.cli.bench_viewer import lines_of_viewer, measure_viewer
+
+    found = measure_viewer(elements, settings.device)
+    if as_json:
+        print_json(found)
+    else:
+        click.echo("\n".join(lines_of_viewer(found)))

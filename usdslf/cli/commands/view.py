@@ -5,13 +5,12 @@ from __future__ import annotations
 import subprocess
 import sys
 from dataclasses import asdict
-from importlib.util import find_spec
 
 import click
 
 from usdslf.cli.program import Command, Settings, settings
 from usdslf.cli.shot_options import Lighting, lighting_options
-from usdslf.errors import InputError
+from usdslf.viewing import require_viewer
 
 
 @click.command(cls=Command)
@@ -25,8 +24,7 @@ def view(settings: Settings, stage: str, strokes: str, look: str, shot: Lighting
 
     STROKES and LOOK are where both are kept, new files or such that are there.
     """
-    if find_spec("PySide6") is None:
-        raise InputError("the viewer needs PySide6; install it with: pip install 'usdslf[viewer]'")
+    require_viewer()
     asked = {**asdict(shot), "device": settings.device, "ocio": settings.ocio}
     options: list[str] = []
     for name, value in asked.items():
