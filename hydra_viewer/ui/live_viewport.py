@@ -12,8 +12,8 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from PySide6.QtCore import QObject, QRect, Signal, SignalInstance
-from PySide6.QtGui import QImage, QPainter, QPaintEvent, QResizeEvent
+from PySide6.QtCore import QObject, QSize, Qt, Signal, SignalInstance
+from PySide6.QtGui import QImage, QPainter, QPaintEvent, QPixmap, QResizeEvent
 from PySide6.QtWidgets import QWidget
 
 from hydra_viewer.model.display import DisplaySettings, display_codes
@@ -45,20 +45,33 @@ class _Wanted:
 
 
 class _Screen(QWidget):
-    """Shows the last picture, stretched to its size."""
+    """Shows the last picture, stretched to its size once, not each time that something over it is drawn."""
 
     def __init__(self, parent: QWidget) -> None:
         super().__init__(parent)
-        self.image: QImage | None = None
         self.resized: SignalInstance | None = None
+        self._image: QImage | None = None
+        self._stretched: QPixmap | None = None
+        self.setAttribute(Qt.WidgetAttribute.WA_OpaquePaintEvent)
+
+    def show_image(self, image: QImage | None) -> None:
+        """Shows a picture; None: nothing."""
+        self._image, self._stretched = image, None
+        self.update()
 
     def paintEvent(self, event: QPaintEvent) -> None:
         painter = QPainter(self)
-        if self.image is None:
-            painter.fillRect(self.rect(), self.palette().dark())
+        if self._image is None:
+            painter.fillRect(event.rect(), self.palette().dark())
             return
-        painter.setRenderHint(QPainter.RenderHint.SmoothPixmapTransform)
-        painter.drawImage(self.rect(), self.image, QRect(0, 0, self.image.width(), self.image.height()))
+        ratio = self.devicePixelRatioF()
+        size = QSize(round(self.width() * ratio), round(self.height() * ratio))
+        if self._stretched is None or self._stretched.size() != size:
+            smooth = Qt.TransformationMode.SmoothTransformation
+            whole = self._image.scaled(size, Qt.AspectRatioMode.IgnoreAspectRatio, smooth)
+            self._stretched = QPixmap.fromImage(whole)
+            self._stretched.setDevicePixelRatio(ratio)
+        painter.drawPixmap(0, 0, self._stretched)
 
     def resizeEvent(self, event: QResizeEvent) -> None:
         if self.resized is not None:
@@ -94,8 +107,8 @@ class LiveViewport(QObject):
 
     def show_shot(self, shown: Shown | None) -> None:
         if shown is None:
-            self._screen.image = self._pixels = None
-            self._screen.update()
+            self._pixels = None
+            self._screen.show_image(None)
         self._want(shown=shown)
 
     def set_camera(self, camera: Camera, is_moving: bool) -> None:
@@ -129,8 +142,8 @@ class LiveViewport(QObject):
             self._condition.notify()
 
     def _show(self, picture: tuple[NDArray, QImage], share: float) -> None:
-        self._pixels, self._screen.image = picture
-        self._screen.update()
+        self._pixels = picture[0]
+        self._screen.show_image(picture[1])
         self.changed.emit()
         self.progress.emit(share)
 

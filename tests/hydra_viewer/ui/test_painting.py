@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from kit.moving_stages import roll
 from kit.windows import ALT, CTRL, LEFT, MIDDLE, RIGHT, SHIFT, drag, opened, pen, pixel, press, solved, wait_for
-from PySide6.QtCore import Qt
+from PySide6.QtCore import QPoint, Qt
 from PySide6.QtGui import QWheelEvent
 from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QApplication
@@ -42,6 +42,8 @@ def window(shared: Window) -> Window:
     shared.easel.set_brush(color=(0.02, 0.3, 0.05), radius=0.02, tool="replace", mode="direct", clone_source=None)
     shared.document.select("")
     shared.bar.hide()
+    shared.activateWindow()
+    wait_for(shared.isActiveWindow)
     return shared
 
 
@@ -192,12 +194,14 @@ def test_alt_and_the_mouse_move_the_camera(window: Window) -> None:
     assert not np.allclose(easel.view.pivot, orbit.pivot)
     drag(canvas, [(0.5, 0.5), (0.6, 0.5)], ALT, RIGHT)
     assert easel.view.distance < first.distance
+    before = easel.view.distance
+    at = pixel(canvas, (0.5, 0.5))
     wheel = QWheelEvent(
-        pixel(canvas, (0.5, 0.5)).toPointF(), pixel(canvas, (0.5, 0.5)).toPointF(), pixel(canvas, (0, 0)),
-        pixel(canvas, (0, 0)) + pixel(canvas, (0, 0)), Qt.MouseButton.NoButton, ALT ^ ALT, Qt.ScrollPhase.NoScrollPhase,
-        False,
+        at.toPointF(), canvas.mapToGlobal(at).toPointF(), QPoint(), QPoint(0, 120), Qt.MouseButton.NoButton,
+        Qt.KeyboardModifier.NoModifier, Qt.ScrollPhase.NoScrollPhase, False,
     )  # fmt: skip
-    QApplication.sendEvent(canvas, wheel)  # of no notch: nothing moves
+    QApplication.sendEvent(canvas, wheel)
+    assert easel.view.distance < before
     near = easel.view.distance
     window.document.select(BALL)
     QTest.keyClick(window, Qt.Key.Key_F)
