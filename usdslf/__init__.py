@@ -53,6 +53,7 @@ Public names; all others may change from version to version:
     stage_files, reload_stage                    its files, and how they are read again
     frame_range, FrameRange                      the frames of a shot
     find_next_dab, NextDab                       where one more dab decides
+    similarity_to                                what of a picture is like what was painted
     report_of, lines_of_report                   what was inferred and authored, as values and as lines
     UsdslfError      base of all errors that a user can mend, with the exit code of each
 
@@ -70,7 +71,7 @@ from usdslf.usd.schema import announce_schema
 if TYPE_CHECKING:
     from usdslf.color import Color, color_of
     from usdslf.display import CHANNELS, FALSE_COLORS, DisplayPass, DisplaySettings, DisplayShader
-    from usdslf.hints import find_next_dab
+    from usdslf.hints import find_next_dab, similarity_to
     from usdslf.inference.next_dab import NextDab
     from usdslf.look import Look, author, live_picture, render_shot
     from usdslf.picking import Pick, Seen, are_seen, pick, seen_prims
@@ -148,6 +149,7 @@ __all__ = [
     "report_of",
     "run",
     "seen_prims",
+    "similarity_to",
     "solve",
     "stage_files",
     "stage_prims",
@@ -173,7 +175,9 @@ _HOME = {
     **dict.fromkeys(
         ("FrameRange", "PrimRow", "frame_range", "reload_stage", "stage_files", "stage_prims"), "usdslf.usd.prims"
     ),
-    "find_next_dab": "usdslf.hints",
+    **dict.fromkeys(("Pick", "pick"), "usdslf.picking"),
+    **dict.fromkeys(("FrameRange", "PrimRow", "frame_range", "stage_prims"), "usdslf.usd.prims"),
+    **dict.fromkeys(("find_next_dab", "similarity_to"), "usdslf.hints"),
     "NextDab": "usdslf.inference.next_dab",
     **dict.fromkeys(("lines_of_report", "report_of"), "usdslf.report"),
     "Session": "usdslf.session",

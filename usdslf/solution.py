@@ -131,6 +131,24 @@ class Solution:
                 found[row] = replace(self, answers=tuple(answers))
         return found
 
+    def as_chosen(self, stroke: str, choice: str) -> Solution:
+        """Returns what it would be by another explanation, at once, for who wants to see what that looks like.
+
+        It is of the light as it was: what the change sends round is not followed, as `solve` with `choose` does.
+
+        Args:
+            stroke: name or path of a direct stroke; those that were asked together with it go with it.
+            choice: id of an alternative.
+
+        Raises: SolveError where there is no such alternative, or the stroke is indirect.
+        """
+        of = {i for i, s in enumerate(self.strokes) if stroke in (s.name, s.path)}
+        mine = [a for a in self.answers if of & set(a.pool.strokes)]
+        if not mine:
+            raise SolveError(f"there is no answer to the stroke {stroke}; solve it first")
+        answers = tuple(a.as_chosen(choice) if any(a is m for m in mine) else a for a in self.answers)
+        return replace(self, answers=answers)
+
     def changes(self, shot: Shot, mode: str = "") -> list[MaterialChange]:
         """Returns what was found as changes of materials.
 

@@ -72,6 +72,7 @@ class Canvas(QWidget):
         self._gesture: Gesture | None = None
         self._is_resizing_key_down = False
         self._is_held = False
+        self._instead: Shown | None = None
         self.setMinimumSize(320, 180)
         self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
         self.setMouseTracking(True)
@@ -121,13 +122,21 @@ class Canvas(QWidget):
         self.viewport.hold(is_held)
 
     def _on_shot_changed(self) -> None:
-        self._shows = None
+        self._shows = self._instead = None
         self._show_shot()
+
+    def show_instead(self, shown: Shown | None) -> None:
+        """Shows another look than what was found, or the shot without one; None: what was found."""
+        if shown is not None or self._instead is not None:
+            self._instead = shown
+            self._show_shot()
 
     def _show_shot(self) -> None:
         shot, found = self.document.shot, self.document.found
         if shot is None:
             self.viewport.show_shot(None)
+        elif self._instead is not None:
+            self.viewport.show_shot(self._instead)
         elif found is None or found.shot is None or found.look is None:
             if found is None:
                 self.viewport.show_shot(Shown(shot, shot))

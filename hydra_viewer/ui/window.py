@@ -10,17 +10,24 @@ from PySide6.QtCore import Qt
 from PySide6.QtGui import QCloseEvent, QKeySequence
 from PySide6.QtWidgets import QDockWidget, QMainWindow, QScrollArea, QVBoxLayout, QWidget
 
-from hydra_viewer.ui import words
+from hydra_viewer.model.comparison import Comparison
+from hydra_viewer.ui import panel_words, words
 from hydra_viewer.ui.actions import Actions, add_camera_actions, add_paint_actions, add_view_actions
 from hydra_viewer.ui.bars import MessageBar, ProgressRow
 from hydra_viewer.ui.brush_panel import BrushPanel
 from hydra_viewer.ui.cheat_sheet import CheatSheet
+from hydra_viewer.ui.compare_layer import CompareLayer
+from hydra_viewer.ui.compare_panel import ComparePanel
 from hydra_viewer.ui.display_menu import FalseColorLegend
+from hydra_viewer.ui.explaining import Explaining
 from hydra_viewer.ui.filing import Filing
+from hydra_viewer.ui.marks_layer import MarksLayer
 from hydra_viewer.ui.painting_widget import PaintingWidget
-from hydra_viewer.ui.sentence_panel import SentencePanel
+from hydra_viewer.ui.panel_actions import add_compare_actions, add_understanding_actions
 from hydra_viewer.ui.stage_panel import StagePanel
+from hydra_viewer.ui.strokes_panel import StrokesPanel
 from hydra_viewer.ui.timeline import Timeline
+from hydra_viewer.ui.understanding_panel import UnderstandingPanel
 from hydra_viewer.ui.view_bar import ViewBar
 from hydra_viewer.ui.viewports import ViewportMenu
 
@@ -76,10 +83,25 @@ class Window(QMainWindow):
         self.statusBar().addPermanentWidget(self._progress)
         self.stage_panel, self.brush_panel = StagePanel(self.document), BrushPanel(self.document, self.easel)
         self.stage_panel.camera_chosen.connect(self.painting.look_through)
-        self.sentence_panel = SentencePanel(self.document)
         self.add_panel(words.STAGE_PANEL, self.stage_panel, LEFT)
         self.add_panel(words.BRUSH_PANEL, self.brush_panel, LEFT)
-        self.add_panel(words.FOUND_PANEL, self.sentence_panel, RIGHT)
+        self._add_panels_of_strokes()
+
+    def _add_panels_of_strokes(self) -> None:
+        document, easel, canvas = self.document, self.easel, self.painting.canvas
+        self.explaining, self.comparison = Explaining(document, easel, self.worker, self), Comparison()
+        self.explaining.failed.connect(self.bar.say)
+        self.marks = MarksLayer(document, easel, self.explaining, canvas.overlay)
+        self.compare_layer = CompareLayer(document, easel, self.comparison, canvas)
+        self.understanding_panel = UnderstandingPanel(document, easel, self.explaining)
+        self.strokes_panel = StrokesPanel(document, easel, self.explaining, self.painting.solving.solve_again)
+        self.compare_panel = ComparePanel(document, self.comparison)
+        above = self.add_panel(words.FOUND_PANEL, self.understanding_panel, RIGHT)
+        below = self.add_panel(panel_words.STROKES_PANEL, self.strokes_panel, RIGHT)
+        self.tabifyDockWidget(below, self.add_panel(panel_words.COMPARE_PANEL, self.compare_panel, RIGHT))
+        below.raise_()
+        self.resizeDocks([above, below], [600, 340], Qt.Orientation.Vertical)
+        self.resizeDocks([above, below], [370, 370], Qt.Orientation.Horizontal)
 
     def add_panel(self, title: str, panel: QWidget, area: Qt.DockWidgetArea) -> QDockWidget:
         """Adds a panel at a side; returns its dock."""
@@ -112,6 +134,7 @@ class Window(QMainWindow):
         actions.add(edit, words.SOLVE, self.painting.solving.solve_again, "Ctrl+R")
         actions.add(edit, words.CANCEL, self.worker.cancel, "Ctrl+.")
         add_paint_actions(actions, self.easel)
+        add_understanding_actions(actions, self.understanding_panel)
         add_camera_actions(actions, self.painting)
         view = add_view_actions(actions, self.easel)
         actions.add(view, words.PLAY, self.timeline.play.toggle, words.PLAY_KEY)
@@ -124,6 +147,7 @@ class Window(QMainWindow):
         view.addSeparator()
         for dock in self.findChildren(QDockWidget):
             view.addAction(dock.toggleViewAction())
+        add_compare_actions(actions, self.comparison, self.compare_panel)
         actions.add(actions.menu(words.HELP), words.KEYS, self.show_keys, "F1")
 
     def show_keys(self) -> None:
@@ -145,5 +169,6 @@ class Window(QMainWindow):
         if not self.filing.may_leave():
             event.ignore()
             return
+        self.compare_layer.stop()
         self.painting.stop()
         super().closeEvent(event)

@@ -64,6 +64,10 @@ class Worker(QObject):
         """Whether nothing is done."""
         return all(job.is_quiet for job in self._jobs.values())
 
+    def is_doing(self, kind: str) -> bool:
+        """Whether a job of a kind is under way."""
+        return kind in self._jobs
+
     def start(self, job: Job) -> None:
         """Begins a job; one of the same kind is cancelled, and tells nothing any more."""
         self.cancel("" if job.is_alone else job.kind)

@@ -8,12 +8,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from usdslf.errors import SolveError
 from usdslf.inference.bilinear import Tables
 from usdslf.inference.candidate import Candidate
 from usdslf.inference.evidence import Evidence, build_evidence
@@ -90,6 +91,20 @@ class Answer:
         """Names of the other candidates that cost about the same, the cheapest first."""
         others = (c for c in self.candidates if c.id != self.chosen.id and c.is_admitted)
         return tuple(c.id for c in others if abs(c.cost - self.chosen.cost) < TIED_COST)
+
+    def as_chosen(self, id_: str) -> Answer:
+        """Returns what it would be by another explanation, before the light that its change sends round.
+
+        Raises: SolveError where there is none of that id, or it is of an indirect stroke, whose materials are found
+            by solving.
+        """
+        varied = next((a for a in self.varied if a.id == id_), None)
+        c = next((c for c in self.candidates if c.id == id_), varied.mean if varied else None)
+        if c is None or self.others:
+            known = ", ".join([*(c.id for c in self.candidates), *(a.id for a in self.varied)])
+            raise SolveError(f"there is no alternative '{id_}' that can be had without solving; choose one of {known}")
+        after = self.if_chosen.get(id_) or means_of(self.tables, c)[1]
+        return replace(self, chosen=c, after=after, varying=varied.varying if varied else None, spread=None)
 
 
 @dataclass

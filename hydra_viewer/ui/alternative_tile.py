@@ -1,0 +1,113 @@
+"""Alternative tile: an explanation as a button with its picture."""
+
+from __future__ import annotations
+
+from PySide6.QtCore import QRect, QRectF, QSize, Qt
+from PySide6.QtGui import QColor, QFontMetrics, QImage, QPainter, QPainterPath, QPaintEvent, QPen
+from PySide6.QtWidgets import QAbstractButton, QSizePolicy, QWidget
+
+from hydra_viewer.model.understanding import Alternative
+from hydra_viewer.ui import panel_words as words
+from hydra_viewer.ui import theme
+
+CAPTION = 34  # height of title and chance
+
+
+class AlternativeTile(QAbstractButton):
+    """A picture by an explanation, what it changes, and how likely it is; a click takes it.
+
+    Attributes:
+        alternative: that it is of.
+    """
+
+    def __init__(self, alternative: Alternative, key: str = "", parent: QWidget | None = None) -> None:
+        """Waits for its picture.
+
+        Args:
+            key: its shortcut; "": none.
+        """
+        super().__init__(parent)
+        self.alternative, self._image, self._why_not = alternative, QImage(), ""
+        self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
+        self.setCheckable(True)
+        self.setChecked(alternative.is_chosen)
+        self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Fixed)
+        self.setAccessibleName(alternative.title)
+        self.setText(alternative.title)
+        changes = "\n".join(c.in_words for c in alternative.changes)
+        self.setToolTip("\n".join(filter(None, [f"{alternative.title}{f'  ({key})' if key else ''}", changes])))
+
+    def hasHeightForWidth(self) -> bool:
+        return True
+
+    def heightForWidth(self, width: int) -> int:
+        return round(width * 2 / 3) + CAPTION
+
+    def sizeHint(self) -> QSize:
+        return QSize(140, self.heightForWidth(140))
+
+    def minimumSizeHint(self) -> QSize:
+        return QSize(100, self.heightForWidth(100))
+
+    @property
+    def has_picture(self) -> bool:
+        """Whether its picture is there."""
+        return not self._image.isNull()
+
+    def show_picture(self, image: QImage) -> None:
+        """Shows what it would look like."""
+        self._image = image
+        self.update()
+
+    def forbid(self, why_not: str) -> None:
+        """Says why it cannot be chosen."""
+        self._why_not = why_not
+        self.setEnabled(False)
+        self.setToolTip(why_not)
+        self.update()
+
+    def nextCheckState(self) -> None:
+        """It stays as it is: what is chosen is shown when it was found."""
+
+    def resizeEvent(self, event: object) -> None:
+        self.setFixedHeight(self.heightForWidth(self.width()))
+
+    def paintEvent(self, event: QPaintEvent) -> None:
+        painter = QPainter(self)
+        painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+        painter.setRenderHint(QPainter.RenderHint.SmoothPixmapTransform)
+        r = QRectF(self.rect()).adjusted(1, 1, -1, -1)
+        shape = QPainterPath()
+        shape.addRoundedRect(r, 4, 4)
+        is_lit = self.underMouse() and self.isEnabled()
+        painter.fillPath(shape, QColor(theme.RAISED if is_lit else theme.FIELD))
+        painter.setClipPath(shape)
+        picture = QRect(1, 1, self.width() - 2, self.height() - CAPTION)
+        if self.has_picture:
+            painter.drawImage(picture, self._image)
+        else:
+            painter.fillRect(picture, QColor("#262626"))
+            painter.setPen(QColor(theme.DIM))
+            said = words.NOT_POSSIBLE if self._why_not else words.PICTURE_COMES
+            painter.drawText(picture, Qt.AlignmentFlag.AlignCenter, said)
+        painter.setClipping(False)
+        self._draw_caption(painter, QRect(7, self.height() - CAPTION + 2, self.width() - 14, CAPTION - 4))
+        is_marked = self.isChecked() or self.hasFocus()
+        color = theme.ACCENT if self.isChecked() else theme.TEXT if self.hasFocus() else "#262626"
+        painter.setBrush(Qt.BrushStyle.NoBrush)
+        painter.setPen(QPen(QColor(color), 2 if is_marked else 1))
+        painter.drawPath(shape)
+
+    def _draw_caption(self, painter: QPainter, where: QRect) -> None:
+        metrics = QFontMetrics(self.font())
+        painter.setPen(QColor(theme.TEXT if self.isEnabled() else theme.DIM))
+        title = metrics.elidedText(self.alternative.title, Qt.TextElideMode.ElideRight, where.width())
+        painter.drawText(where, Qt.AlignmentFlag.AlignTop | Qt.AlignmentFlag.AlignLeft, title)
+        painter.setPen(QColor(theme.DIM))
+        chance = self.alternative.chance
+        if chance is not None:
+            likely = words.CHANCE.format(100 * chance)
+            painter.drawText(where, Qt.AlignmentFlag.AlignBottom | Qt.AlignmentFlag.AlignLeft, likely)
+        if self.isChecked():
+            painter.setPen(QColor(theme.ACCENT))
+            painter.drawText(where, Qt.AlignmentFlag.AlignBottom | Qt.AlignmentFlag.AlignRight, words.CHOSEN)

@@ -1,0 +1,106 @@
+"""Text of the panels Understood, Strokes and Compare; the rest is in words.py."""
+
+from __future__ import annotations
+
+# ── Understood ────────────────────────────────────────────────────────────────────────────────────
+NOTHING_PAINTED = "Paint on the picture how a surface should look.\nWhat is understood of it is said here."
+LOOKING = "Looking at the strokes …"
+CHOSEN = "shown"
+EXPLAINS = "explains"
+ALTERNATIVES = "Or did you mean"
+QUESTION = "Which did you mean?"
+QUESTION_TIP = "Both explain the paint about equally well"
+PICTURE_COMES = "…"
+NOT_POSSIBLE = "cannot be written"
+BY_HAND = "chosen by you"
+LET_DECIDE = ("Let it decide", "Take the likeliest explanation again")
+NEXT_DAB = ("Where to dab next", "Mark the place where one more dab tells the leading explanations apart, with the "
+            "colour that each expects there")  # fmt: skip
+HIDE_DAB = ("Hide the mark", "Take the mark off the picture")
+DECIDES, HARDLY_DECIDES = "one dab here decides", "a dab here helps, but does not decide alone"
+SCOPE_TITLE = "Changes"
+SCOPES = {
+    "stroke": ("Painted", "Only the faces under the stroke"),
+    "prim": ("Object", "Only the painted gprims"),
+    "material": ("Material", "All that shows the material"),
+    "similar": ("Similar", "The material, and what is like the painted place"),
+}
+SHOW_SCOPE = ("Show what changes", "Mark on the picture what the scope covers")
+EFFECTS = "In this picture"
+EFFECT_KINDS = {
+    (True, True): "painted", (False, True): "shares the material", (False, False): "by its light",
+    (True, False): "painted, by its light",
+}  # fmt: skip
+SHARED = "Also shown by"
+NOT_PAINTED = "not painted"
+CHANCE = "{:.0f} %"
+MAKING_PICTURES = "Making pictures of the explanations"
+STOP = ("✕", "Stop making pictures")
+
+# ── Strokes ───────────────────────────────────────────────────────────────────────────────────────
+STROKES_PANEL = "Strokes"
+NO_STROKES = "No strokes yet: paint on the picture."
+COLUMNS = ("Stroke", "Painted on", "Understood as")
+SWITCHED_OFF = "off"
+DELETE = ("Delete", "Remove the selected strokes")
+UP, DOWN = ("Up", "Move it before the one above"), ("Down", "Move it behind the one below")
+SOLVE_AGAIN = ("Solve again", "Find anew what the strokes ask for")
+STROKE_COLOR = ("Colour", "Paint the selected strokes in another colour")
+FIELDS = {
+    "tool": "Tool", "mode": "Mode", "scope": "Scope", "norm": "Change", "space": "Colour is", "strength": "Strength",
+}  # fmt: skip
+SEVERAL = "—"
+DELETED, MOVED, SWITCHED, RECOLORED = "delete of strokes", "order of strokes", "switching strokes", "colour of strokes"
+
+# ── Compare ───────────────────────────────────────────────────────────────────────────────────────
+COMPARE_PANEL, COMPARE_MENU, UNDERSTANDING_MENU = "Compare", "C&ompare", "&Understood"
+MODES = {
+    "now": ("Now", "The picture as it is now"),
+    "other": ("Before", "What it is compared with, alone"),
+    "wipe": ("Wipe", "What it is compared with on the left of a line that can be dragged"),
+    "difference": ("Difference", "How far the two are apart"),
+}
+MODE_KEYS = {"now": "", "other": "\\", "wipe": "V", "difference": "Shift+V"}
+COMPARE_WITH, BEFORE = "With", "Before: the shot without the look"
+GAIN = "Gain"
+KEEP = ("Keep this look", "Remember the look as it is now, to flip to and compare with")
+DROP = ("Forget", "Forget the selected look")
+FLIP_ON, FLIP_BACK = ("Next look", "Show the next kept look"), ("Previous look", "Show the previous kept look")
+SNAPSHOTS = "Kept looks"
+SNAPSHOT_TIP = "Enter shows it, Delete forgets it"
+
+
+def chose(title: str) -> str:
+    """Returns the name of the step of undo that a choice is."""
+    return f"choice of {title}"
+
+
+def edited(field: str, value: str) -> str:
+    """Returns the name of the step of undo that an edit of strokes is."""
+    return f"{FIELDS[field].lower()} {value}"
+
+
+def shared_by(count: int, first: str) -> str:
+    """Returns who else shows a material."""
+    more = f" and {count - 1} more" if count > 1 else ""
+    return f"{SHARED} {first}{more} ({NOT_PAINTED})"
+
+
+def of_strokes(names: str, count: int) -> str:
+    """Returns which strokes something is of."""
+    return f"strokes {names}" if count > 1 else f"stroke {names}"
+
+
+def effect(name: str, change: float, kind: str) -> str:
+    """Returns how far the picture of a gprim changes, and why."""
+    return f"{name}  {100 * change:.0f} %  <span style='color:#8c8c8c'>{kind}</span>"
+
+
+def more(count: int) -> str:
+    """Returns how many are not listed."""
+    return f"and {count} more"
+
+
+def choice(number: int) -> tuple[str, str]:
+    """Returns the words of the action that takes an explanation by its number."""
+    return f"Take explanation &{number}", "Of the strokes that were painted last"

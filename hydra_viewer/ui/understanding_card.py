@@ -1,0 +1,255 @@
+"""Understanding card: what was inferred from strokes that ask together, and what can be chosen instead."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+from PySide6.QtCore import QEvent, QObject, Qt, Signal
+from PySide6.QtGui import QColor
+from PySide6.QtWidgets import (
+    QButtonGroup,
+    QGridLayout,
+    QHBoxLayout,
+    QLabel,
+    QPushButton,
+    QToolButton,
+    QVBoxLayout,
+    QWidget,
+)
+
+from hydra_viewer.model.previews import MOST, Effect
+from hydra_viewer.model.understanding import Alternative, ParameterChange, Understood, value_in_words
+from hydra_viewer.ui import panel_words as words
+from hydra_viewer.ui import theme
+from hydra_viewer.ui.alternative_tile import AlternativeTile
+from hydra_viewer.ui.swatches import ColorChange, ValueChange
+from hydra_viewer.ui.words import tooltip
+from usdslf import SCOPES
+
+Shown = Callable[[Sequence[float]], QColor]
+MOST_EFFECTS = 4
+
+
+class UnderstandingCard(QWidget):
+    """What was inferred, in words and swatches.
+
+    Attributes:
+        group: what was understood.
+        tiles: by id of the alternative.
+        sentence: the line that says it.
+        chosen: Signal(str): an explanation was clicked; "": the solver's own is wanted again.
+        scope_chosen: Signal(str): how far the change is to go.
+        scope_looked_at: Signal(str): a scope is pointed at, "": none is any more.
+        dab_asked: Signal(bool): where to dab next is to be marked, or not.
+    """
+
+    chosen = Signal(str)
+    scope_chosen = Signal(str)
+    scope_looked_at = Signal(str)
+    dab_asked = Signal(bool)
+
+    def __init__(self, group: Understood, shown: Shown, keys: bool, parent: QWidget | None = None) -> None:
+        """Shows it; pictures come later.
+
+        Args:
+            shown: the screen's colour of a scene-linear one.
+            keys: its alternatives have shortcuts.
+        """
+        super().__init__(parent)
+        self.setAttribute(Qt.WidgetAttribute.WA_StyledBackground)
+        self.group, self._shown, self._keys = group, shown, keys
+        self.tiles: dict[str, AlternativeTile] = {}
+        self.setObjectName("card")
+        self.setStyleSheet("#card { background: #3f3f3f; border: 1px solid #303030; border-radius: 4px; }")
+        self._layout = QVBoxLayout(self)
+        self._layout.setContentsMargins(10, 8, 10, 10)
+        self._layout.setSpacing(6)
+        self._add_head()
+        self._add_changes()
+        self._add_alternatives()
+        self._add_scope()
+        self._effects = QVBoxLayout()
+        self._effects.setSpacing(2)
+        self._layout.addLayout(self._effects)
+
+    # ── what it says ───────────────────────────────────────────────────────────────────────────
+
+    def _add_head(self) -> None:
+        group = self.group
+        names = ", ".join(n.replace("stroke_", "").lstrip("0") or n for n in group.strokes)
+        head = QLabel(f"<b>{group.material.rsplit('/', 1)[-1] or '—'}</b>")
+        head.setToolTip(group.material)
+        which = QLabel(words.of_strokes(names, len(group.strokes)))
+        which.setStyleSheet(f"color: {theme.DIM};")
+        row = QHBoxLayout()
+        row.addWidget(head, 1)
+        row.addWidget(which)
+        self._layout.addLayout(row)
+        self.sentence = _wrapped(group.sentence.replace("/", "/\u200b"))
+        self.sentence.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
+        self._layout.addWidget(self.sentence)
+        if group.is_chosen_by_hand:
+            row = QHBoxLayout()
+            row.addWidget(_dim(words.BY_HAND), 1)
+            self.let_decide = _button(words.LET_DECIDE, lambda: self.chosen.emit(""))
+            row.addWidget(self.let_decide)
+            self._layout.addLayout(row)
+
+    def _add_changes(self) -> None:
+        grid = QGridLayout()
+        grid.setHorizontalSpacing(8)
+        grid.setVerticalSpacing(3)
+        grid.setColumnStretch(1, 1)
+        for change in self.group.changes:
+            row = grid.rowCount()
+            grid.addWidget(_dim(change.name), row, 0)
+            grid.addWidget(self._picture_of(change), row, 1)
+            if change.low:
+                grid.addWidget(_dim(change.range_in_words), row + 1, 1)
+        self._layout.addLayout(grid)
+        for note in (*self.group.notes, *self.group.also):
+            self._layout.addWidget(_dim(note))
+
+    def _picture_of(self, change: ParameterChange) -> QWidget:
+        if change.is_color:
+            picture: QWidget = ColorChange(self._shown(change.before), self._shown(change.after))
+        else:
+            ends = (change.low[0], change.high[0]) if change.low else None
+            picture = ValueChange(change.before[0], change.after[0], ends)
+        picture.setToolTip(f"{change.in_words}\n{change.range_in_words}".rstrip())
+        picture.setAccessibleName(f"{change.name} {value_in_words(change.after)}")
+        return picture
+
+    # ── what can be chosen ─────────────────────────────────────────────────────────────────────
+
+    def _add_alternatives(self) -> None:
+        group = self.group
+        if len(group.alternatives) < 2:
+            return
+        asked = group.alternative(group.rival) if group.rival else None
+        if asked is not None and group.chosen is not None:
+            question = QLabel(words.QUESTION)
+            question.setToolTip(words.QUESTION_TIP)
+            question.setStyleSheet(f"color: {theme.ACCENT}; font-weight: bold;")
+            self._layout.addWidget(question)
+            self._add_tiles([group.chosen, asked])
+            self._add_dab_button()
+            rest = [a for a in group.alternatives[:MOST] if a not in (group.chosen, asked)]
+        else:
+            rest = list(group.alternatives[:MOST])
+        if rest:
+            self._layout.addWidget(_dim(words.ALTERNATIVES))
+            self._add_tiles(rest)
+        if asked is None:
+            self._add_dab_button()
+
+    def _add_tiles(self, alternatives: Sequence[Alternative]) -> None:
+        grid = QGridLayout()
+        grid.setSpacing(6)
+        for n, alternative in enumerate(alternatives):
+            number = len(self.tiles) + 1
+            key = f"Alt+{number}" if self._keys and number <= 4 else ""
+            tile = AlternativeTile(alternative, key)
+            tile.clicked.connect(lambda _=False, a=alternative: self._click(a))
+            grid.addWidget(tile, n // 2, n % 2)
+            self.tiles[alternative.id] = tile
+        for column in (0, 1):
+            grid.setColumnStretch(column, 1)
+        self._layout.addLayout(grid)
+
+    def choose_number(self, number: int) -> None:
+        """Clicks the tile of a number, from 1."""
+        tiles = list(self.tiles.values())
+        if number <= len(tiles) and tiles[number - 1].isEnabled():
+            self._click(tiles[number - 1].alternative)
+
+    def _click(self, alternative: Alternative) -> None:
+        """An explanation is taken: also the one that is shown, which answers the question."""
+        if not alternative.is_chosen or self.group.rival:
+            self.chosen.emit(alternative.id)
+
+    def _add_dab_button(self) -> None:
+        self.dab_button = QPushButton(words.NEXT_DAB[0])
+        self.dab_button.setCheckable(True)
+        self.dab_button.setToolTip(tooltip(*words.NEXT_DAB, "N" if self._keys else ""))
+        self.dab_button.toggled.connect(self.dab_asked)
+        self._layout.addWidget(self.dab_button)
+
+    # ── how far it goes ────────────────────────────────────────────────────────────────────────
+
+    def _add_scope(self) -> None:
+        row = QHBoxLayout()
+        row.setSpacing(2)
+        row.addWidget(_dim(words.SCOPE_TITLE))
+        group = QButtonGroup(self)
+        self.scopes: dict[str, QToolButton] = {}
+        for scope in SCOPES:
+            button = QToolButton()
+            button.setText(words.SCOPES[scope][0])
+            button.setToolTip(tooltip(*words.SCOPES[scope], ""))
+            button.setCheckable(True)
+            button.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
+            button.setStyleSheet("padding: 3px 3px;")
+            button.setChecked(scope == self.group.scope)
+            button.installEventFilter(self)
+            button.clicked.connect(lambda _=False, scope=scope: self.scope_chosen.emit(scope))
+            group.addButton(button)
+            self.scopes[scope] = button
+            row.addWidget(button)
+        row.addStretch(1)
+        self._layout.addLayout(row)
+        if self.group.sharing and self.group.scope in ("material", "similar"):
+            shared = _dim(words.shared_by(len(self.group.sharing), self.group.sharing[0].rsplit("/", 1)[-1]))
+            shared.setToolTip("\n".join(self.group.sharing[:20]))
+            self._layout.addWidget(shared)
+
+    def eventFilter(self, watched: QObject, event: QEvent) -> bool:
+        """A scope that is pointed at, or has the focus, is shown on the picture."""
+        for scope, button in self.scopes.items():
+            if watched is button and event.type() in (QEvent.Type.Enter, QEvent.Type.FocusIn):
+                self.scope_looked_at.emit(scope)
+            elif watched is button and event.type() in (QEvent.Type.Leave, QEvent.Type.FocusOut):
+                self.scope_looked_at.emit("")
+        return False
+
+    # ── what else changes ──────────────────────────────────────────────────────────────────────
+
+    def show_effects(self, effects: Sequence[Effect]) -> None:
+        """Says what of the picture changes, painted or not."""
+        while (item := self._effects.takeAt(0)) is not None:
+            widget = item.widget()
+            if widget is not None:
+                widget.deleteLater()
+        if not effects:
+            return
+        self._effects.addWidget(_dim(words.EFFECTS))
+        for effect in effects[:MOST_EFFECTS]:
+            kind = words.EFFECT_KINDS[effect.is_painted, effect.shows_material]
+            line = QLabel(words.effect(effect.path.rsplit("/", 1)[-1], effect.change, kind))
+            line.setToolTip(effect.path)
+            self._effects.addWidget(line)
+        if len(effects) > MOST_EFFECTS:
+            rest = _dim(words.more(len(effects) - MOST_EFFECTS))
+            rest.setToolTip("\n".join(e.path for e in effects[MOST_EFFECTS : MOST_EFFECTS + 20]))
+            self._effects.addWidget(rest)
+
+
+def _wrapped(text: str) -> QLabel:
+    """A label that never makes the panel wider."""
+    label = QLabel(text)
+    label.setWordWrap(True)
+    label.setMinimumWidth(40)
+    return label
+
+
+def _dim(text: str) -> QLabel:
+    label = _wrapped(text) if len(text) > 24 else QLabel(text)
+    label.setStyleSheet(f"color: {theme.DIM};")
+    return label
+
+
+def _button(words_of: tuple[str, str], do: Callable[[], object]) -> QPushButton:
+    button = QPushButton(words_of[0])
+    button.setToolTip(tooltip(*words_of, ""))
+    button.clicked.connect(lambda _=False: do())
+    return button

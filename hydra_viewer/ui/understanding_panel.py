@@ -1,0 +1,186 @@
+"""The panel Understood: what the strokes were taken for, and what may be meant instead."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from PySide6.QtGui import QColor
+from PySide6.QtWidgets import QHBoxLayout, QLabel, QProgressBar, QToolButton, QVBoxLayout, QWidget
+
+from hydra_viewer.model.document import Document
+from hydra_viewer.model.easel import Easel
+from hydra_viewer.model.previews import Effect
+from hydra_viewer.model.understanding import Understood
+from hydra_viewer.ui import panel_words as words
+from hydra_viewer.ui import theme
+from hydra_viewer.ui.explaining import Explaining
+from hydra_viewer.ui.swatches import shown, shown_picture
+from hydra_viewer.ui.understanding_card import UnderstandingCard
+from hydra_viewer.ui.words import tooltip
+
+
+class UnderstandingPanel(QWidget):
+    """A card for what strokes ask for together, the last painted one first.
+
+    Attributes:
+        cards: in the order of the panel.
+    """
+
+    def __init__(self, document: Document, easel: Easel, explaining: Explaining, parent: QWidget | None = None) -> None:
+        super().__init__(parent)
+        self._document, self._easel, self._explaining = document, easel, explaining
+        self.cards: list[UnderstandingCard] = []
+        self._layout = QVBoxLayout(self)
+        self._layout.setContentsMargins(8, 8, 8, 8)
+        self._layout.setSpacing(8)
+        self._said = QLabel()
+        self._said.setWordWrap(True)
+        self._said.setStyleSheet(f"color: {theme.DIM};")
+        self._layout.addWidget(self._said)
+        self._layout.addWidget(self._progress_row())
+        self._layout.addStretch(1)
+        explaining.groups_changed.connect(self._fill)
+        explaining.preview_made.connect(self._show_preview)
+        explaining.effects_changed.connect(self._show_effects)
+        explaining.marks_changed.connect(self._show_marked)
+        explaining.work_changed.connect(self._show_work)
+        document.found_changed.connect(self._say)
+        easel.display_changed.connect(self._fill)
+        self._fill()
+
+    def _progress_row(self) -> QWidget:
+        self._work = QWidget()
+        row = QHBoxLayout(self._work)
+        row.setContentsMargins(0, 0, 0, 0)
+        label, bar, stop = QLabel(words.MAKING_PICTURES), QProgressBar(textVisible=False), QToolButton()
+        label.setStyleSheet(f"color: {theme.DIM};")
+        bar.setRange(0, 0)
+        bar.setFixedWidth(60)
+        stop.setText(words.STOP[0])
+        stop.setToolTip(tooltip(words.STOP[1], "", ""))
+        stop.clicked.connect(self._explaining.stop_previews)
+        for each, stretch in ((label, 1), (bar, 0), (stop, 0)):
+            row.addWidget(each, stretch)
+        self._work.hide()
+        return self._work
+
+    @property
+    def sentences(self) -> tuple[str, ...]:
+        """What it says of the strokes as they are; () while that is looked for."""
+        return tuple(c.group.sentence for c in self.cards) if self._explaining.is_current else ()
+
+    # ── cards ──────────────────────────────────────────────────────────────────────────────────
+
+    def _fill(self) -> None:
+        explaining = self._explaining
+        shown_now = tuple(c.group for c in self.cards)
+        wanted = tuple(sorted(explaining.groups, key=self._order))
+        if shown_now != wanted or self.sender() is None:
+            self._make_cards(wanted)
+        for card in self.cards:
+            card.setEnabled(explaining.is_current)
+        self._say()
+
+    def _order(self, group: Understood) -> int:
+        """Groups of the latest strokes first."""
+        names = [s.name for s in self._document.strokes]
+        return -max((names.index(n) for n in group.strokes if n in names), default=0)
+
+    def _make_cards(self, groups: Sequence[Understood]) -> None:
+        for card in self.cards:
+            self._layout.removeWidget(card)
+            card.hide()
+            card.deleteLater()
+        self.cards = []
+        for number, group in enumerate(groups):
+            card = UnderstandingCard(group, self._shown, keys=number == 0)
+            card.chosen.connect(lambda id_, g=group: self._explaining.choose(g, id_))
+            card.scope_chosen.connect(lambda scope, g=group: self._explaining.set_scope(g, scope))
+            card.scope_looked_at.connect(lambda scope, g=group: self._look_at(g, scope))
+            card.dab_asked.connect(lambda is_asked, g=group: self._ask_dab(g, is_asked))
+            self._layout.insertWidget(2 + number, card)
+            self.cards.append(card)
+        for (number, id_) in self._explaining.previews:
+            self._show_preview(number, id_)
+        self._show_effects()
+        self._show_marked()
+
+    def _shown(self, linear: Sequence[float]) -> QColor:
+        shot = self._document.shot
+        assert shot is not None
+        return shown(linear, shot, self._easel.display)
+
+    def _say(self) -> None:
+        document = self._document
+        nothing = not document.active
+        text = words.NOTHING_PAINTED if nothing else "" if self._explaining.is_current else words.LOOKING
+        self._said.setText(text)
+        self._said.setVisible(bool(text))
+
+    def _card_of(self, number: int) -> UnderstandingCard | None:
+        groups = self._explaining.groups
+        group = groups[number] if number < len(groups) else None
+        return next((c for c in self.cards if c.group is group), None)
+
+    def _show_preview(self, number: int, id_: str) -> None:
+        card, shot = self._card_of(number), self._document.shot
+        tile, preview = card.tiles.get(id_) if card else None, self._explaining.previews.get((number, id_))
+        if tile is None or preview is None or shot is None:
+            return
+        if preview.picture is None:
+            tile.forbid(preview.why_not)
+        else:
+            tile.show_picture(shown_picture(preview.picture, shot, self._easel.display))
+
+    def _show_effects(self) -> None:
+        """What changes beside the paint is said once, on the first card."""
+        effects = self._explaining.effects
+        rows: tuple[Effect, ...] = effects.rows if effects else ()
+        for number, card in enumerate(self.cards):
+            card.show_effects(rows if number == 0 else ())
+
+    def _show_work(self) -> None:
+        self._work.setVisible(self._explaining.is_making_pictures)
+
+    # ── marks ──────────────────────────────────────────────────────────────────────────────────
+
+    def _look_at(self, group: Understood, scope: str) -> None:
+        if scope:
+            self._explaining.show_scope(group, scope)
+        else:
+            self._explaining.hide_scope()
+
+    def _ask_dab(self, group: Understood, is_asked: bool) -> None:
+        if is_asked:
+            self._explaining.mark_next_dab(group)
+        else:
+            self._explaining.unmark()
+
+    def _show_marked(self) -> None:
+        marked = self._explaining.marked
+        for card in self.cards:
+            button = getattr(card, "dab_button", None)
+            if button is not None and marked is None and not self._explaining.is_finding_dab:
+                button.blockSignals(True)
+                button.setChecked(False)
+                button.blockSignals(False)
+
+    # ── keys ───────────────────────────────────────────────────────────────────────────────────
+
+    def choose_number(self, number: int) -> None:
+        """Takes the alternative of a number, from 1, of the first card."""
+        if self.cards and self._explaining.is_current:
+            self.cards[0].choose_number(number)
+
+    def toggle_dab(self) -> None:
+        """Marks where to dab next for the first card, or takes the mark away."""
+        button = getattr(self.cards[0], "dab_button", None) if self.cards else None
+        if button is not None and self._explaining.is_current:
+            button.toggle()
+
+    def toggle_scope(self) -> None:
+        """Marks on the picture what the first card's change covers, or takes the mark away."""
+        if self._explaining.mask is not None:
+            self._explaining.hide_scope()
+        elif self.cards:
+            self._explaining.show_scope(self.cards[0].group, self.cards[0].group.scope)
