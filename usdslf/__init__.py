@@ -55,6 +55,7 @@ Public names; all others may change from version to version:
     find_next_dab, NextDab                       where one more dab decides
     similarity_to                                what of a picture is like what was painted
     report_of, lines_of_report                   what was inferred and authored, as values and as lines
+    review_look, LookReview                      what a look layer changes and what is wrong with it
     UsdslfError      base of all errors that a user can mend, with the exit code of each
 
 Many shots in one run, and one asset in several shots, are `usdslf.batch`, which has public names of its own.
@@ -87,6 +88,8 @@ if TYPE_CHECKING:
     from usdslf.strokes.stroke import MODES, NORMS, SCOPES, SPACES, TOOLS, Stroke, frame_of, next_name
     from usdslf.usd.live_stage import LiveStage
     from usdslf.usd.prims import FrameRange, PrimRow, frame_range, reload_stage, stage_files, stage_prims
+    from usdslf.usd.review.records import LookReview
+    from usdslf.usd.review.review import review_look
     from usdslf.usd.stroke_layer import read_strokes, write_strokes
     from usdslf.usd.which_pxr import PxrChoice, choose_pxr
 
@@ -113,6 +116,7 @@ __all__ = [
     "LivePicture",
     "LiveStage",
     "Look",
+    "LookReview",
     "NextDab",
     "Pick",
     "PrimRow",
@@ -147,6 +151,7 @@ __all__ = [
     "reload_stage",
     "render_shot",
     "report_of",
+    "review_look",
     "run",
     "seen_prims",
     "similarity_to",
@@ -180,6 +185,8 @@ _HOME = {
     **dict.fromkeys(("find_next_dab", "similarity_to"), "usdslf.hints"),
     "NextDab": "usdslf.inference.next_dab",
     **dict.fromkeys(("lines_of_report", "report_of"), "usdslf.report"),
+    "LookReview": "usdslf.usd.review.records",
+    "review_look": "usdslf.usd.review.review",
     "Session": "usdslf.session",
     "open": "usdslf.session",
     "Shot": "usdslf.shot",

@@ -1,6 +1,8 @@
-"""Text of the panels Understood, Strokes and Compare; the rest is in words.py."""
+"""Text of the panels Understood, Strokes, Compare and Review; the rest is in words.py."""
 
 from __future__ import annotations
+
+from collections.abc import Mapping
 
 # ── Understood ────────────────────────────────────────────────────────────────────────────────────
 NOTHING_PAINTED = "Paint on the picture how a surface should look.\nWhat is understood of it is said here."
@@ -68,6 +70,31 @@ DROP = ("Forget", "Forget the selected look")
 FLIP_ON, FLIP_BACK = ("Next look", "Show the next kept look"), ("Previous look", "Show the previous kept look")
 SNAPSHOTS = "Kept looks"
 SNAPSHOT_TIP = "Enter shows it, Delete forgets it"
+
+# ── Review ────────────────────────────────────────────────────────────────────────────────────────
+REVIEW_PANEL = "Review"
+REVIEW = ("Review the look", "List what the saved look changes, and what is wrong with it")
+SAVE_VERDICT = ("Save verdict …", "Write what is accepted and rejected, for: usdslf accept --verdict")
+REVIEW_COLUMNS = ("Change", "Before → after", "State")
+NOT_REVIEWED = "Save the look, then review it: what is unchecked is rejected."
+SAVE_FIRST = "there is no look file yet: save the strokes and the look first"
+NOTE = "Note on the selected change"
+JSON_FILES = "JSON (*.json)"
+
+
+def summary(counts: Mapping[str, int]) -> str:
+    """Returns what a look changes, and whether that is well, in a line."""
+    said = [f"{counts[what]} {what}" for what in ("materials", "inputs", "gprims")]
+    said.append(f"{counts['not_painted']} of them not painted")
+    wrong = [f"{counts[what]} {what}" for what in ("findings", "risks") if counts[what]]
+    wrong += ["stale"] if counts["stale"] else []
+    wrong += [] if counts["wins"] else ["some edits are hidden"]
+    return f"{', '.join(said)}; {', '.join(wrong) or 'nothing is wrong with it'}"
+
+
+def not_written(path: str, why: str) -> str:
+    """Returns why a file cannot be written."""
+    return f"{path} cannot be written ({why}): choose another place"
 
 
 def chose(title: str) -> str:

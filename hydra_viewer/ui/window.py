@@ -24,6 +24,7 @@ from hydra_viewer.ui.filing import Filing
 from hydra_viewer.ui.marks_layer import MarksLayer
 from hydra_viewer.ui.painting_widget import PaintingWidget
 from hydra_viewer.ui.panel_actions import add_compare_actions, add_understanding_actions
+from hydra_viewer.ui.review_panel import ReviewPanel
 from hydra_viewer.ui.stage_panel import StagePanel
 from hydra_viewer.ui.strokes_panel import StrokesPanel
 from hydra_viewer.ui.timeline import Timeline
@@ -98,7 +99,12 @@ class Window(QMainWindow):
         self.compare_panel = ComparePanel(document, self.comparison)
         above = self.add_panel(words.FOUND_PANEL, self.understanding_panel, RIGHT)
         below = self.add_panel(panel_words.STROKES_PANEL, self.strokes_panel, RIGHT)
-        self.tabifyDockWidget(below, self.add_panel(panel_words.COMPARE_PANEL, self.compare_panel, RIGHT))
+        self.review_panel = ReviewPanel(document, self.worker)
+        self.review_panel.failed.connect(self.bar.say)
+        for title, panel in (
+            (panel_words.COMPARE_PANEL, self.compare_panel), (panel_words.REVIEW_PANEL, self.review_panel),
+        ):  # fmt: skip
+            self.tabifyDockWidget(below, self.add_panel(title, panel, RIGHT))
         below.raise_()
         self.resizeDocks([above, below], [600, 340], Qt.Orientation.Vertical)
         self.resizeDocks([above, below], [370, 370], Qt.Orientation.Horizontal)
