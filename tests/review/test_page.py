@@ -118,7 +118,7 @@ def test_what_hides_or_turns_text_is_written_out() -> None:
 def test_a_page_asks_nothing_of_a_network_and_holds_each_picture_once(html: Path) -> None:
     text = html.read_text()
     assert "http://" not in text.replace("http://www.w3.org", "") and "https://" not in text
-    encoded = [part.split('"')[0] for part in text.split("data:image/webp;base64,")[1:]]
+    encoded = [part.split('"')[0] for part in text.split("data:image/png;base64,")[1:]]
     assert len(encoded) == len(set(encoded)) or len(encoded) == 24  # six views of four
 
 

@@ -19,7 +19,7 @@ def test_pictures_are_shared_by_all_strokes_and_edits(tmp_path: Path) -> None:
     assert [v.pictures.view.kind for v in found.views] == ["stroke", "held out", "light"]
     assert len(found.views[0].strokes) == TILES  # all in one picture
     page = page_of(found)
-    assert page.count("data:image/webp;base64,") == 4 * len(found.views)
+    assert page.count("data:image/png;base64,") == 4 * len(found.views)
     pictures = sum(len(x.split('"')[0]) for x in page.split("base64,")[1:])
     per_tile = (len(page) - pictures) / TILES
     assert 200 * per_tile + pictures * (960 * 540) / (96 * 54) < 40e6  # what 200 strokes and full pictures come to

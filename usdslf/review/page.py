@@ -4,7 +4,7 @@
     write_pictures(folder, review) -> [paths]   before, after and their difference of each view, as EXR and PNG
     shown(text) -> str                          text with what could hide or turn other text written out
 
-Each picture is in the page once, as a WebP without loss; what a mode shows (wipe, difference, heat map) is made of
+Each picture is in the page once, as a PNG; what a mode shows (wipe, difference, heat map) is made of
 those.
 """
 
@@ -26,7 +26,7 @@ from usdslf.edits.collateral import words_of
 from usdslf.errors import InputError
 from usdslf.outputs import write_picture
 from usdslf.review.review import Review, Seen
-from usdslf.textures.images import webp_bytes
+from usdslf.textures.images import png_bytes
 from usdslf.usd.border import in_words
 from usdslf.usd.review.records import ReviewedEdit
 
@@ -126,8 +126,8 @@ def _view(
         "parts": parts, "indirect_map": (p.indirect / scale)[..., None],
     }  # fmt: skip
     for name, picture in pixels.items():
-        encoded = base64.b64encode(webp_bytes(picture)).decode("ascii")
-        pictures[names[name]] = f"data:image/webp;base64,{encoded}"
+        encoded = base64.b64encode(png_bytes(picture)).decode("ascii")
+        pictures[names[name]] = f"data:image/png;base64,{encoded}"
     strokes = []
     for stroke, of in zip(seen.strokes, values["strokes"], strict=True):
         ends = {"target": stroke.target, "before": stroke.seen_before, "after": stroke.seen_after}

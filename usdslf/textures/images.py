@@ -287,15 +287,15 @@ def write_image(
     return path
 
 
-def webp_bytes(pixels: ArrayLike) -> bytes:
-    """Returns display code values (H, W, 1 or 3) of 0..1 as a WebP that loses nothing but what 8 bits lose."""
+def png_bytes(pixels: ArrayLike) -> bytes:
+    """Returns display code values (H, W, 1 or 3) of 0..1 as a PNG."""
     values = np.nan_to_num(np.clip(np.asarray(pixels, np.float32), 0, 1))
     values = np.ascontiguousarray(np.broadcast_to(values, (*values.shape[:2], 3)))
     height, width, count = values.shape
     spec = oiio.ImageSpec(width, height, count, oiio.UINT8)
-    spec.attribute("compression", "lossless")
+    spec.attribute("oiio:ColorSpace", "srgb_rec709_scene")
     with tempfile.TemporaryDirectory(prefix="usdslf_") as folder:
-        file = Path(folder) / "picture.webp"
+        file = Path(folder) / "picture.png"
         output = oiio.ImageOutput.create(str(file))
         if not output or not output.open(str(file), spec) or not output.write_image(values) or not output.close():
             raise InputError(f"a picture of {width} x {height} cannot be encoded; give another --size")
