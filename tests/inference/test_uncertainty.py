@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from kit.dull_tables import BEFORE, N, dull_tables
 
-from usdslf.inference.bilinear import swatches
+from usdslf.inference.bilinear import Tables, swatches
 from usdslf.inference.candidate import Candidate
-from usdslf.inference.fit import shared_errors
+from usdslf.inference.fit import whiten
 from usdslf.inference.paint_errors import refit_as_painted
 from usdslf.inference.residuals import relative_scale
 from usdslf.inference.solve import refit, refit_problem
@@ -41,6 +41,17 @@ def test_intervals_hold_the_truth_nine_times_of_ten(shared: float, own: float) -
     assert 0.82 <= share <= 0.98, (share, np.mean(half))
 
 
+
+def shared_errors(t: Tables, o: Options) -> np.ndarray:
+    """Covariance (3n, 3n) of drift over the stroke and of its tint, as fit.py states it."""
+    gap = np.linalg.norm(t.place[:, None] - t.place[None], axis=-1)
+    same = t.stroke[:, None] == t.stroke[None]
+    length = o.drift_length * np.array([gap[i][same[i]].max() for i in range(len(gap))])
+    length = np.array([max(length[same[i]]) for i in range(len(gap))])
+    drift = same * np.exp(-0.5 * (gap / length[:, None]) ** 2) * o.drift_error**2
+    return np.kron(drift, np.ones((3, 3))) + np.kron(same * o.tint_error**2, np.eye(3))
+
+
 def test_exact_paint_has_narrow_intervals_and_what_is_not_freed_none() -> None:
     t = dull_tables(np.random.default_rng(4))
     wanted = t.dabs.p[:, 0] + TRUE * t.dabs.u[:, 0]
@@ -50,6 +61,22 @@ def test_exact_paint_has_narrow_intervals_and_what_is_not_freed_none() -> None:
     assert (got.diffuse[1] - got.diffuse[0]).max() < 0.06
     np.testing.assert_array_equal(got.specular[0], got.specular[1])
     np.testing.assert_array_equal(got.roughness, [[0.5], [0.5]])
+
+
+def test_whitened_errors_are_those_of_the_whole_covariance_dab_by_dab() -> None:
+    rng, o = np.random.default_rng(5), Options()
+    t = replace(dull_tables(rng), swatch=np.where(np.arange(N) < 4, 0, -1), stroke=np.arange(N) % 2)
+    alike = np.kron((t.swatch[:, None] == 0) & (t.swatch[None] == 0), np.eye(3))
+    cov = shared_errors(t, o) + o.dab_error**2 * np.eye(3 * N)
+    cov += o.flat_error**2 * (alike * np.eye(3 * N) - alike / 4)
+    white, r = whiten(t, o), rng.standard_normal(3 * N)
+    np.testing.assert_allclose(white @ cov @ white.T, np.eye(3 * N), atol=1e-7)
+    expected = np.linalg.solve(np.linalg.cholesky(cov), r)
+    for found in (white @ r, whiten(t, replace(o, tail=9.0)) @ r):
+        squares = [(x.reshape(-1, 3) ** 2).sum(1) for x in (found, expected)]
+        np.testing.assert_allclose(*squares, rtol=1e-6)
+    other = whiten(t, replace(o, dab_error=2 * o.dab_error))
+    assert np.abs(other - white).max() > 0.1 * np.abs(white).max()
 
 
 def test_dabs_of_a_swatch_are_found_and_gradients_are_none() -> None:

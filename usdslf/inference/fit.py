@@ -17,9 +17,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from enum import Enum
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg.lapack import dtrtri
 
 from usdslf.inference.bilinear import Bilinear, Tables
 from usdslf.inference.candidate import GROUPS, Candidate, is_grey
@@ -28,6 +30,7 @@ from usdslf.inference.weights import Options
 from usdslf.scene.records import F64
 
 TRUST = (0.5, 0.25, 0.15, 0.1, 0.07, 0.05)  # relative error of a dab at which it has half its weight, round by round
+GREY_AND_COLORS = np.array([[2, 2, 2], [0, 6**0.5, -(6**0.5)], [-(8**0.5), 2**0.5, 2**0.5]]) / 12**0.5  # axes of a dab
 STEPS = 4  # of Gauss and Newton, for the bilinear candidates
 
 
@@ -175,24 +178,51 @@ def whiten(t: Tables, o: Options) -> F64:
 
     It is formed, and not solved with, because some hundred products with it follow.
     """
-    n, eye = len(t.target), np.eye(3)
-    cov = shared_errors(t, o) + np.eye(3 * n) * o.dab_error**2
+    errors = o.dab_error, o.drift_error, o.drift_length, o.tint_error, o.flat_error
+    stroke, swatch = (x.astype(np.int64).tobytes() for x in (t.stroke, t.swatch))
+    return _white_of(np.asarray(t.place, np.float64).tobytes(), stroke, swatch, errors)
+
+
+@lru_cache(maxsize=4)
+def _white_of(place: bytes, stroke: bytes, swatch: bytes, errors: tuple[float, ...]) -> F64:
+    """The matrix by the values that it depends on: it stays from light to light.
+
+    Each channel of C has what it shares with the others and what is its own, kron(A, 1) + kron(B, I): in the grey and
+    two colour axes of a dab, C is 3 A + B and twice B, and so are its roots.  Each row of a dab is turned into those.
+    """
+    at = np.frombuffer(place, np.float64).reshape(-1, 3)
+    group, colors = np.frombuffer(stroke, np.int64), np.frombuffer(swatch, np.int64)
+    dab_error, drift_error, drift_length, tint_error, flat_error = errors
+    n = len(at)
+    same = (group[:, None] == group[None]).astype(float)
+    gap, extent = gaps_and_extents(at, group)
+    length = np.maximum(drift_length * extent, 1e-9)
+    drift = same * np.exp(-0.5 * (gap / length[:, None]) ** 2) * drift_error**2
+    own = same * tint_error**2 + np.eye(n) * dab_error**2
     # who paints with one colour gets the mean right, not the contrast among what has it
-    for s in np.unique(t.swatch[t.swatch >= 0]):
-        mine = (t.swatch == s).astype(float)
-        cov += np.kron(o.flat_error**2 * (np.diag(mine) - np.outer(mine, mine) / mine.sum()), eye)
-    return np.linalg.inv(np.linalg.cholesky(cov))
+    for s in np.unique(colors[colors >= 0]):
+        mine = (colors == s).astype(float)
+        own += flat_error**2 * (np.diag(mine) - np.outer(mine, mine) / mine.sum())
+    color = inverse_root(own)
+    roots = np.stack([inverse_root(1.5 * (drift + drift.T) + own), color, color])
+    white = np.einsum("aij,ac->iajc", roots, GREY_AND_COLORS).reshape(3 * n, 3 * n)
+    white.flags.writeable = False
+    return white
 
 
-def shared_errors(t: Tables, o: Options) -> F64:
-    """Returns the covariance (3n, 3n) of what a painter gets wrong alike: drift over the stroke, and its tint."""
-    same = (t.stroke[:, None] == t.stroke[None]).astype(float)
-    gap = np.linalg.norm(t.place[:, None] - t.place[None], axis=-1)
-    extent = np.array([gap[np.ix_(t.stroke == s, t.stroke == s)].max() for s in t.stroke])
-    length = np.maximum(o.drift_length * extent, 1e-9)
-    drift = same * np.exp(-0.5 * (gap / length[:, None]) ** 2) * o.drift_error**2
-    drift = 0.5 * (drift + drift.T)
-    return np.kron(drift, np.ones((3, 3))) + np.kron(same * o.tint_error**2, np.eye(3))
+def gaps_and_extents(place: F64, stroke: NDArray) -> tuple[F64, F64]:
+    """Returns the distances of dabs (n, n), and the extent of the stroke (n,) that each is of."""
+    gap = np.linalg.norm(place[:, None] - place[None], axis=-1)
+    which, number = np.unique(stroke, return_inverse=True)
+    extent = np.array([gap[np.ix_(stroke == s, stroke == s)].max() for s in which])
+    return gap, extent[number.reshape(-1)]
+
+
+def inverse_root(covariance: F64) -> F64:
+    """Returns the inverse of the lower triangular root of a covariance (k, k)."""
+    inverse, failed = dtrtri(np.linalg.cholesky(covariance), lower=1)
+    assert not failed, failed
+    return np.asarray(inverse, np.float64)
 
 
 def relative_residuals(t: Tables, c: Candidate) -> F64:

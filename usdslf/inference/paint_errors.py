@@ -22,6 +22,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,7 +30,7 @@ from numpy.typing import NDArray
 from usdslf.edits.whole_set import Colored
 from usdslf.inference.bilinear import Tables
 from usdslf.inference.candidate import Candidate, is_grey
-from usdslf.inference.fit import Problem, Way, fit, relative_residuals
+from usdslf.inference.fit import Problem, Way, fit, gaps_and_extents, inverse_root, relative_residuals
 from usdslf.inference.residuals import mean_by_stroke, relative_scale
 from usdslf.inference.weights import Options
 from usdslf.scene.records import F64
@@ -61,11 +62,19 @@ class PaintErrors:
     trust: F64  # (m,) 0..1
     covariance: F64  # (3 m, 3 m)
 
+    @cached_property
+    def root(self) -> F64:
+        """Matrix (3 m, 3 m) that makes relative residuals of dabs and swatches independent, of unit variance."""
+        return inverse_root(self.covariance)
+
     @property
     def white(self) -> F64:
-        """Matrix (3 m, 3 n) that makes relative residuals independent, of unit variance."""
-        root: F64 = np.linalg.inv(np.linalg.cholesky(self.covariance)) @ np.kron(self.together, np.eye(3))
-        return root
+        """Matrix (3 m, 3 n) that does so with those of dabs."""
+        m, n = self.together.shape
+        if m == n and np.array_equal(self.together, np.eye(n)):
+            return self.root
+        by_channel = self.root.reshape(3 * m, m, 3).transpose(0, 2, 1).reshape(-1, m) @ self.together
+        return by_channel.reshape(3 * m, 3, n).transpose(0, 2, 1).reshape(3 * m, 3 * n)
 
 
 def refit_as_painted(t: Tables, o: Options, c: Candidate) -> Candidate:
@@ -241,8 +250,7 @@ def _of_strokes(t: Tables) -> F64:
 def _shared(t: Tables, o: Options) -> tuple[F64, F64]:
     """Covariance (n, n) of drift, and which dabs are of one stroke."""
     same = (t.stroke[:, None] == t.stroke[None]).astype(float)
-    gap = np.linalg.norm(t.place[:, None] - t.place[None], axis=-1)
-    extent = np.array([gap[np.ix_(t.stroke == s, t.stroke == s)].max() for s in t.stroke])
+    gap, extent = gaps_and_extents(t.place, t.stroke)
     drift = same * np.exp(-ROUGH * gap / np.maximum(o.drift_length * extent, 1e-9)[:, None])
     return o.drift_error**2 * 0.5 * (drift + drift.T), same
 
@@ -277,6 +285,6 @@ def _trust(t: Tables, o: Options, c: Candidate, errors: PaintErrors) -> F64:
     residual = (errors.together @ relative_residuals(t, c)).reshape(-1)
     count = 1 / (errors.together**2).sum(1)
     variance = errors.own * o.dab_error**2 / (count * errors.trust**2)
-    own = np.repeat(variance, 3) * np.linalg.solve(errors.covariance, residual)
+    own = np.repeat(variance, 3) * (errors.root.T @ (errors.root @ residual))
     size = (own.reshape(-1, 3) ** 2).sum(1) * count / (errors.own * o.dab_error**2)
     return np.sqrt(np.minimum(1, (DEGREES + 3) / (DEGREES + size)))

@@ -37,9 +37,10 @@ def mean_by_stroke(target: NDArray, stroke: NDArray, covered: NDArray) -> F64:
         stroke: (n,) which stroke each dab is of.
         covered: (n, 3) radiance before any change; black paint is relative to that.
     """
-    mean = np.array([np.mean(target[stroke == s]) for s in stroke])
-    seen = np.array([np.abs(covered[stroke == s]).mean() for s in stroke])
-    return np.where(mean > BLACK * seen, mean, seen)
+    which, number = np.unique(stroke, return_inverse=True)
+    mean = np.array([np.mean(target[stroke == s]) for s in which])
+    seen = np.array([np.abs(covered[stroke == s]).mean() for s in which])
+    return np.where(mean > BLACK * seen, mean, seen)[number.reshape(-1)]
 
 
 def relative_rms(radiance: NDArray, target: NDArray, scale: NDArray) -> float:
