@@ -219,15 +219,16 @@ def test_unexpected_errors_are_one_line(shot: Path, run: Run, monkeypatch: pytes
 
 
 def test_bench_prints_the_agreed_table(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
-    from usdslf.cli import bench
+    from usdslf.cli import bench, bench_strokes
 
     monkeypatch.setattr(bench, "SIZE", (32, 16))
+    monkeypatch.setattr(bench_strokes, "MANY_DABS", 18)
     code, out, err = run("bench", "--json", "--elements", 500)
     assert code == 0, err
     found = json.loads(out)
     rows = {row["step"]: row for row in found["rows"]}
     assert set(next(iter(rows.values()))) == {
-        "step", "seconds", "limit", "limit_seconds", "ratio", "bytes", "paper_ms",
+        "step", "seconds", "limit", "limit_seconds", "ratio", "bytes", "moved_bytes", "paper_ms",
     }  # fmt: skip
     assert rows["visibility"]["paper_ms"] == 870 and "embreex" in rows["visibility"]["limit"]
     assert rows["visibility"]["ratio"] == pytest.approx(
@@ -236,6 +237,11 @@ def test_bench_prints_the_agreed_table(run: Run, monkeypatch: pytest.MonkeyPatch
     moved = rows["visibility, one object moved"]
     assert moved["ratio"] == pytest.approx(moved["seconds"] / moved["limit_seconds"])
     assert "everything" in moved["limit"]
+    elements = found["elements"]
+    assert rows["one bounce"]["moved_bytes"] == 8 * elements  # how far each changed, after it; nothing within
+    new, again = rows["new stroke to answer, third one"], rows["three strokes again, all rounds"]
+    assert 0 < again["moved_bytes"] < new["moved_bytes"]  # what is known is not gathered again
+    assert {"undo of the third", "another choice", "18 dabs on one material"} < set(rows)
     assert min(row["seconds"] for row in rows.values()) > 0 and found["total_seconds"] > 0
     assert found["memory_bytes"] > 0
 

@@ -21,6 +21,7 @@ import numpy as np
 from usdslf.animation.frames import PlacedFrame, carry
 from usdslf.cache import switched
 from usdslf.cli.bench_live import live_steps
+from usdslf.cli.bench_strokes import stroke_steps
 from usdslf.gallery import still_life
 from usdslf.gallery.play import Play
 from usdslf.gpu.device import Device
@@ -54,7 +55,8 @@ def measure(device: str | None, ocio: str | None, elements: int, say: Say) -> di
         play = Play(still_life.ENTRY, folder, device=device, ocio=ocio, say=say, elements=elements)
         began = time.perf_counter()
         session = play.session
-        for stroke in still_life.paint(play):
+        strokes = list(still_life.paint(play))
+        for stroke in strokes:
             session.add_stroke(stroke)
         session.solve()
         session.author(folder / "look.usda")
@@ -75,12 +77,13 @@ def measure(device: str | None, ocio: str | None, elements: int, say: Say) -> di
         _row("visibility, one object moved", *_moved(session)),
         _row("static light", cold["light"], size=field),
         _row("light field, all bounces", cold["light field"], size=2 * field),
-        _row("one bounce", *bounce, size=links * BYTES_OF_LINK, paper=138),
+        _row("one bounce", *bounce, size=links * BYTES_OF_LINK, paper=138, moved=_moved_by_bounce(session)),
         _row("evidence of the strokes", cold["evidence"], paper=50),
         _row("solve, all bounces", cold["solve"], paper=270),
         _row(f"stylize, rounds: {rounds}", styling, f"{levels:g} bounces", levels * bounce[0]),
         _row("its look, read back", session.seconds["author"] - cold["author"]),
         _row(f"picture {SIZE[0]} x {SIZE[1]}", picture, paper=75),
+        *(_row(name, seconds, moved=moved) for name, seconds, moved in stroke_steps(session, strokes)),
         *(_row(*timed) for timed in live_steps(session, session.camera(play.shot.view_path()), SIZE)),
     ]
     return {
@@ -100,6 +103,7 @@ def _row(
     limit_seconds: float | None = None,
     size: int = 0,
     paper: int = 0,
+    moved: int | None = None,
 ) -> Row:
     ratio = seconds / limit_seconds if limit_seconds else None
     return {
@@ -109,6 +113,7 @@ def _row(
         "limit_seconds": limit_seconds,
         "ratio": ratio,
         "bytes": size,
+        "moved_bytes": moved,
         "paper_ms": paper or None,
     }
 
@@ -168,6 +173,13 @@ def _bounce(session: Session) -> tuple[float, str, float]:
     return seconds, "copy kernel over the same bytes", links * BYTES_OF_LINK / copy_bandwidth(session.device)
 
 
+def _moved_by_bounce(session: Session) -> int:
+    """Bytes between host and device for a bounce: what it says of its change, after it."""
+    before = session.device.moved
+    session.light_field.bounce()
+    return session.device.moved - before
+
+
 def copy_bandwidth(device: Device, size: int = 1 << 28) -> float:
     """Returns bytes a second, read and written together, that a copy kernel moves."""
     size = min(size, device.largest_array)
@@ -200,13 +212,14 @@ def _peak_memory() -> int:
 def lines_of_table(found: Mapping[str, Any]) -> Iterator[str]:
     """Yields the table that people read."""
     yield f"{found['device']}: {found['elements']} elements x {found['directions']} directions"
-    yield f"{'step':<31}{'ms':>9}{'limit ms':>10}{'ratio':>7}{'MB':>8}{'paper ms':>10}  limit"
+    yield f"{'step':<31}{'ms':>9}{'limit ms':>10}{'ratio':>7}{'MB':>8}{'moved MB':>10}{'paper ms':>10}  limit"
     for row in found["rows"]:
         limit = f"{row['limit_seconds'] * 1000:.0f}" if row["limit_seconds"] else ""
         ratio = f"{row['ratio']:.2f}" if row["ratio"] else ""
         size = f"{row['bytes'] / 1e6:.0f}" if row["bytes"] else ""
+        moved = "" if row["moved_bytes"] is None else f"{row['moved_bytes'] / 1e6:.2f}"
         yield (
-            f"{row['step']:<31}{row['seconds'] * 1000:>9.0f}{limit:>10}{ratio:>7}{size:>8}"
+            f"{row['step']:<31}{row['seconds'] * 1000:>9.0f}{limit:>10}{ratio:>7}{size:>8}{moved:>10}"
             f"{row['paper_ms'] or '':>10}  {row['limit']}"
         )
     yield (

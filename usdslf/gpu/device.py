@@ -50,6 +50,7 @@ class Device:
         self._programs: dict[tuple, Any] = {}
         self._kernels: dict[tuple, Kernel] = {}
         self._building = threading.Lock()
+        self.moved = 0  # bytes between host and device so far, by `upload` and `download`
         self.memory = int(self._info.global_mem_size)
         self.largest_array = int(self._info.max_mem_alloc_size)
 
@@ -84,6 +85,7 @@ class Device:
     def upload(self, array: ArrayLike) -> Any:
         """Copies a contiguous array to the device."""
         host = np.ascontiguousarray(array)
+        self.moved += host.nbytes
         try:
             if host.size == 0:
                 return cla.zeros(self.queue, (1,), host.dtype)
@@ -117,6 +119,7 @@ class Device:
 
     def download(self, array_d: Any) -> NDArray:
         """Copies an array of the device to the host, after all that was enqueued before."""
+        self.moved += array_d.nbytes
         return array_d.get(self.queue)
 
     def finish(self) -> None:

@@ -91,6 +91,7 @@ class LightField:
         self.folded_y_d = device.upload(blocks_of(y))
         self._levels: dict[float, tuple[LevelKernel, dict[str, Any]]] = {}
         self.surface = Surface.of(elements)
+        self._blocks: list[Blocks] | None = None  # of all elements, from the first bounce on
         self.waits = np.full(n, CHANGED, np.float32)  # light that came since each element reflected: renewal.py
         self.set_surface(self.surface)
 
@@ -140,7 +141,7 @@ class LightField:
     def set_surface(self, surface: Surface) -> None:
         """Gives the elements another reflectance; the light field follows with the next bounces."""
         self.waits[changed_rows(self.surface, surface)] = CHANGED
-        self.surface = surface
+        self.surface, self._blocks = surface, None
         self.emission_d = self.device.upload(surface.emission)
 
     def level(self, j: int) -> tuple[LevelKernel, dict[str, Any]]:
@@ -163,7 +164,9 @@ class LightField:
         device, n, scratch = self.device, len(self.elements.position), self._scratch
         kernel = lambda name, **c: device.kernel("light_field", name, **c)  # noqa: E731
         kernel("emit", LOBE=0)((_up(n * D),), (64,), self.emission_d, np.uint32(n * D), scratch.next_d)
-        self.reflect(blocks_of_surface(device, self.surface, self.model, np.arange(n)))
+        if self._blocks is None:
+            self._blocks = blocks_of_surface(device, self.surface, self.model, np.arange(n))
+        self.reflect(self._blocks)
         kernel("difference", LOBE=0)(
             (_up(n),), (64,), self.outgoing_d, scratch.next_d, np.uint32(n), scratch.difference_d
         )
