@@ -15,6 +15,7 @@ from usdslf.replacing import is_file
 from usdslf.scene.difference import look_alike
 from usdslf.scene.records import Scene
 from usdslf.usd.author.author import author_review_root
+from usdslf.usd.review.other_variants import other_variants
 from usdslf.usd.review.records import LookReview
 from usdslf.usd.review.review import lines_of_review, review_look
 
@@ -38,7 +39,7 @@ def propagate_look(job: Job, folder: Path, say: Say | None) -> Found:
     review = replace(review, findings=tuple(f for f in review.findings if f.name not in EXPECTED))
     edited = session.edited(look)
     read, begun = read_of(job, session, edited)
-    findings = list(_sentences(review, session.scene))
+    findings = [*_sentences(review, session.scene), *other_variants(session.shot.source, look)]
     if look_alike(session.scene.materials, edited.scene.materials):
         findings.insert(0, f"the look changes nothing in {Path(job.shot).name}")
     author_review_root(folder / "review.usda", look, None, job.file(job.shot))
