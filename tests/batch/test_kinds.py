@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -85,7 +84,6 @@ def test_an_explanation_that_holds_elsewhere_is_preferred_at_a_near_tie(tmp_path
     result = run_job(plan(write_manifest(tmp_path, more=more, jobs=jobs)).jobs[0])
     assert result.values["strokes"][0]["inferred"] == "diffuse"
     assert [e["chosen"] for e in result.values["elsewhere"]] == ["diffuse", "diffuse"]
-    assert any(re.match(r"stroke_0001 in sky.exr: diffuse shows \d+ %", line) for line in result.lines)
     assert "../side/shot.usda" in result.inputs and "../sky.exr" in result.inputs
 
 

@@ -55,13 +55,6 @@ class Scored:
     shares: Mapping[str, float]
     why_not: str = ""
 
-    def lines(self) -> list[str]:
-        """Returns it in words."""
-        if self.why_not:
-            return [f"in {self.place}: {self.why_not}"]
-        shown = ", ".join(f"{k} shows {100 * v:.0f} % of what is wanted" for k, v in self.shares.items())
-        return [f"{', '.join(self.strokes)} in {self.place}: {shown}"]
-
     def as_values(self) -> dict[str, Any]:
         """Returns it as JSON-ready values."""
         return {**vars(self), "strokes": list(self.strokes), "shares": {k: round(v, 4) for k, v in self.shares.items()}}

@@ -63,8 +63,7 @@ def solve_shot(job: Job, folder: Path, say: Say | None) -> Found:
         "elsewhere": [s.as_values() for s in scored],
         "edits": len(report["edits"]),
     }
-    lines = [*lines_of_report(report), *(line for s in scored for line in s.lines())]
-    return Found(tuple(lines), tuple(_findings(session, report)), values, read, begun)
+    return Found(tuple(lines_of_report(report)), tuple(_findings(session, report)), values, read, begun)
 
 
 def opened(job: Job, say: Say | None) -> tuple[list[Stroke], list[str], Session]:

@@ -190,6 +190,9 @@ def _lines(summary: Summary) -> Iterator[str]:
         else:
             found = f", findings: {len(row.findings)}" if row.findings else ""
             yield f"{row.job}: {row.state}{found}"
+            for e in row.elsewhere:
+                shown = ", ".join(f"{k} shows {100 * v:.0f} % of what is wanted" for k, v in e["shares"].items())
+                yield f"  in {e['place']}: {e['why_not'] or shown}"
             for key in ("why", "answers"):
                 yield from (f"  {sentence}" for sentence in (row.changed or {}).get(key, ()))
     words = (("done", "done"), ("failed", "failed"), ("new", "not run"))
