@@ -35,7 +35,7 @@ class Pages:
         """Returns what a review is told."""
         from usdslf.review.review import ReviewSettings
 
-        quality = {k: v for k, v in asdict(shot).items() if k not in ("frame", "make_preview")}
+        quality = {k: v for k, v in asdict(shot).items() if k != "frame"}
         return ReviewSettings(
             self.camera, self.size, self.frames, turns=self.turntable, frame=shot.frame, device=program.device,
             ocio=program.ocio, quality=quality,

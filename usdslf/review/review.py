@@ -43,7 +43,7 @@ class ReviewSettings:
         turns: views of a turntable; 0: none.
         frame: time code; None: that which the look was solved at.
         device, ocio: OpenCL device and OpenColorIO config.
-        quality: of `Shot.open`: elements, bounces, refine, ...
+        quality: of `Shot.open`: elements, bounces, refine, make_preview, ...
     """
 
     cameras: tuple[str, ...] = ()

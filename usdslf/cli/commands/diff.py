@@ -17,7 +17,7 @@ from usdslf.cli.terminal import progress, talk, warn
 @click.argument("look_b")
 @page_options
 @click.option("--json", "as_json", is_flag=True, help="JSON instead of text (schemas/diff.schema.json).")
-@lighting_options("Surfaces without UsdPreviewSurface get one, as the looks have them.")
+@lighting_options("Surfaces without UsdPreviewSurface get one in the pictures, to be seen.")
 @settings
 def diff(
     settings: Settings, stage: str, look_a: str, look_b: str, pages: Pages, shot: Lighting, as_json: bool

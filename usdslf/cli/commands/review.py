@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 @click.argument("look")
 @page_options
 @click.option("--json", "as_json", is_flag=True, help="JSON instead of text (schemas/review.schema.json).")
-@lighting_options("Surfaces without UsdPreviewSurface get one, as the look has them.")
+@lighting_options("Surfaces without UsdPreviewSurface get one in the pictures, to be seen.")
 @settings
 @click.pass_context
 def review(

@@ -2,7 +2,7 @@
 
     risks_of(stage, layer, edits, time) -> list[Risk]      by rule, each with its public source
 
-InstanceRootBinding   a binding on an instance root, which Arnold drops
+InstanceRootBinding   a binding on an instance root, which Arnold drops (Blender 5.2's import too, tried)
 NestedInstanceBinding the same inside another instance, which Hydra 2 drops
 CollectionInInstance  what shows by a collection binding inside an instance, which Storm shows otherwise since 25.11
 WrapMode              a wrap mode of an edited texture that renderers ignore or name otherwise
