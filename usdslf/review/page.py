@@ -32,7 +32,7 @@ from usdslf.usd.review.records import ReviewedEdit
 
 TEMPLATES = Path(__file__).parent / "templates"
 _COLORS = ("diffuse", "specular")
-_ORDER = ("constant", "scale", "texture", "primvar", "connection", "binding", "faces", "node")
+_ORDER = ("constant", "texture", "scale", "primvar", "connection", "binding", "faces", "node")
 _HIDDEN = ("Cc", "Cf", "Zl", "Zp", "Co", "Cs")  # categories of what cannot be seen, or turns what is beside it
 
 
@@ -151,7 +151,8 @@ def _changes(edits: Sequence[ReviewedEdit], color: Color) -> list[dict[str, Any]
 
 
 def _change(material: str, name: str, edits: list[ReviewedEdit], color: Color) -> dict[str, Any]:
-    first = min(edits, key=lambda e: (_ORDER.index(e.representation), e.attribute != name))
+    own_first = {name: 0, "inputs:file": 1}
+    first = min(edits, key=lambda e: (_ORDER.index(e.representation), own_first.get(e.attribute, 2)))
     hidden = next((e for e in edits if not e.wins and not e.is_off), None)
     own = name.removeprefix("inputs:") or "binding"
     label = own if first.attribute in (name, "") else f"{own}: {first.attribute.removeprefix('inputs:')}"

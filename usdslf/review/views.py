@@ -26,6 +26,7 @@ from usdslf.strokes.stroke import Stroke
 NEAR = 0.01  # of the scene's diagonal: eyes this close are one
 PROBES = 48, 27  # rays of a picture that is only looked at for what it would show
 LEAST = 0.01  # of a picture that has to show what changes
+ENOUGH = 0.15  # of a picture: what shows more is no better view of it
 TURNS = (35.0, -35.0, 70.0, -70.0, 120.0, -120.0, 180.0)  # degrees about what changes, from the strokes' camera
 RISES = (0.0, 20.0, 45.0)  # degrees
 APART = 25.0  # degrees between two held-out views, at least
@@ -112,7 +113,7 @@ def held_out_views(
     if len(found) == count:
         return found
     around = [(_share(shot, v.camera, changed), v) for v in _around(shot, views[0].camera, about)]
-    for share, view in sorted(around, key=lambda x: -x[0]):
+    for share, view in sorted(around, key=lambda x: -min(x[0], ENOUGH)):  # of those that show enough, the first
         others = [_eye(v.camera) for v in found] + taken
         if share >= LEAST and all(_angle(_eye(view.camera) - about, o - about) >= APART for o in others):
             found.append(view)

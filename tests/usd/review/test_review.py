@@ -8,10 +8,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from kit.look_stages import author, change_of, new_shot
 from kit.varying_floor import places, seen, stroke, write_floor
-from pxr import Sdf
+from pxr import Sdf, UsdShade
 
 import usdslf
+from usdslf.usd.review.review import review_look
 from usdslf.usd.stroke_layer import write_strokes
 
 Run = Callable[..., tuple[int, str, str]]
@@ -105,3 +107,24 @@ def test_what_usdslf_said_and_a_person_rewrote_is_no_reason_to_fail(shot_and_loo
         code, out, err = run("review", shot, look)
         assert (code in (0, 1) and "findings:" in out) or (code == 2 and err.count("\n") == 1), (into, err)
         assert "internal error" not in err
+
+
+def test_what_is_wrong_with_the_shot_is_no_error_of_what_the_look_makes_of_it(tmp_path: Path) -> None:
+    """A varname as a token: so in the shot's Material, and so in the one that a look makes of it."""
+    stage = new_shot(tmp_path)
+    reader = UsdShade.Shader.Define(stage, "/World/mtl/red/uv")
+    reader.CreateIdAttr("UsdPrimvarReader_float2")
+    reader.CreateInput("varname", Sdf.ValueTypeNames.Token).Set("st")
+    stage.GetRootLayer().Save()
+    author(stage, tmp_path, change_of(stage, "/World/ball", "diffuse", (0.1, 0.4, 0.2)), mode="new")
+    look = tmp_path / "look.usda"
+    assert review_look(tmp_path / "shot.usda", look, None).validator_errors == ()
+    layer = Sdf.Layer.FindOrOpen(str(look))
+    spec = Sdf.CreatePrimInLayer(layer, "/World/mtl/grey/uv")
+    spec.specifier, spec.typeName = Sdf.SpecifierDef, "Shader"
+    id_ = Sdf.AttributeSpec(spec, "info:id", Sdf.ValueTypeNames.Token, Sdf.VariabilityUniform)
+    id_.default = "UsdPrimvarReader_float2"
+    Sdf.AttributeSpec(spec, "inputs:varname", Sdf.ValueTypeNames.Token).default = "st"
+    layer.Save()
+    errors = review_look(tmp_path / "shot.usda", look, None).validator_errors
+    assert errors and all("/World/mtl/grey/uv" in e for e in errors)

@@ -131,7 +131,7 @@ class _Reviewing:
             findings=tuple(findings),
             provenance={name: plain(data[name]) for name in _KEPT if name in data},
             is_stale=bool([*stale(layer), *of_another_shot(layer, stage)]),
-            validator_errors=tuple(_new_errors(stage, self.below)),
+            validator_errors=tuple(_new_errors(stage, self.below, layer)),
         )
 
     def _collateral(self) -> list[Collateral]:
@@ -223,10 +223,26 @@ def _is_near(a: Any, b: Any) -> bool:
     return bool(a == b)
 
 
-def _new_errors(stage: Usd.Stage, below: Usd.Stage) -> list[str]:
-    """What USD's own validators say of the shot with the look, and do not say of it without."""
+def _new_errors(stage: Usd.Stage, below: Usd.Stage, layer: Sdf.Layer) -> list[str]:
+    """What USD's own validators say of the shot with the look, and do not say of it without.
+
+    What is wrong with a Material of the shot is wrong with those that the look makes of it too, and not new.
+    """
+    made = {
+        str(s.path): str(arcs.GetAddedOrExplicitItems()[0])
+        for s in specs_of(layer)
+        if isinstance(s, Sdf.PrimSpec) and s.specifier == Sdf.SpecifierDef
+        for arcs in (s.inheritPathList, s.specializesList)
+        if arcs.GetAddedOrExplicitItems()
+    }
+
+    def as_in_the_shot(message: str) -> str:
+        for path in sorted(made, key=len, reverse=True):
+            message = message.replace(path, made[path])
+        return message
+
     known = set(_errors(below))
-    return [e for e in dict.fromkeys(_errors(stage)) if e not in known]
+    return [e for e in dict.fromkeys(_errors(stage)) if as_in_the_shot(e) not in known]
 
 
 def _errors(stage: Usd.Stage) -> list[str]:

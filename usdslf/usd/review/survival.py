@@ -121,13 +121,13 @@ def _wrap_modes(seen: Seen) -> Said:
             shader = UsdShade.Shader(prim)
             if not shader or shader.GetIdAttr().Get() != "UsdUVTexture" or not _is_edited(prim, seen.layer, nodes):
                 continue
-            for name in ("wrapS", "wrapT"):
-                port = shader.GetInput(name)
-                mode = (port.Get() if port else None) or "useMetadata"
-                if mode not in _EVERYWHERE:
-                    at = str(prim.GetPath())
-                    say = f"{at} wraps by {mode} ({name}), which renderers ignore or name otherwise"
-                    yield at, f"{say}: use repeat or clamp"
+            ports = {name: shader.GetInput(name) for name in ("wrapS", "wrapT")}
+            modes = {name: (port.Get() if port else None) or "useMetadata" for name, port in ports.items()}
+            odd = [f"{name} {mode}" for name, mode in modes.items() if mode not in _EVERYWHERE]
+            if odd:
+                at = str(prim.GetPath())
+                say = f"{at} wraps by {', '.join(odd)}, which renderers ignore or name otherwise"
+                yield at, f"{say}: use repeat or clamp"
 
 
 def _is_edited(prim: Usd.Prim, layer: Sdf.Layer, nodes: set[str]) -> bool:
