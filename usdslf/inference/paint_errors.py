@@ -37,7 +37,7 @@ from usdslf.scene.records import F64
 
 SIZES_ALIKE, SIZES_OWN = np.geomspace(1e-4, 4.0, 19), np.geomspace(1e-3, 4.0, 19)  # of a and b that are tried
 USUAL, SPREAD = (0.03, 0.03), 1.5  # middle and width (natural logarithm) of what a and b are where the dabs are few
-USUAL_OF_SWATCHES = (0.01, 0.06)  # the same where all dabs have one of few colours, which was mixed with care
+USUAL_OF_SWATCHES = (0.015, 0.06)  # the same where all dabs have one of few colours, which was mixed with care
 TOGETHER = 0.6  # correlation of both: who is careless with dabs is so with the stroke
 ROUGH = 0.7  # of the inverse length of drift, which the exponential needs to be as smooth near by
 SURE = 0.01  # relative error that all dabs may share, and twice that which each has: the light field's own

@@ -10,10 +10,10 @@ and the covariance C of the errors that this paint shows (paint_errors.py), the 
 
 Some paint whole strokes too dark, hardly anybody too bright: with the chance IS_DARK the paint is less than what is
 meant by a share that is uniform up to DARKEST, of a painter whose errors have the size CARELESS or more, and in
-proportion of a more careful one, which moves the numbers along P 1.  The ends of an interval are the quantiles BELOW
-and 1 - ABOVE of that mixture, so that it reaches further up than down: left out above would be many who paint dark,
-below hardly anybody.  The chance of a set of parameters follows from its cost, which is minus the logarithm of a
-probability times TEMPERATURE.
+proportion of a more careful one (not at all of one who mixed a few colours for all dabs), which moves the numbers
+along P 1. The ends of an interval are the quantiles BELOW and 1 - ABOVE of that mixture, so that it reaches further up
+than down: left out above would be many who paint dark, below hardly anybody. The chance of a set of parameters follows
+from its cost, which is minus the logarithm of a probability times TEMPERATURE.
 
 Source: Rao and Toutenburg 1995, Linear Models, 4.2 (P C P').
 """
@@ -35,7 +35,7 @@ from usdslf.scene.records import F64
 
 BELOW, ABOVE = 0.05, 0.025  # chance of a value below an interval, and of one above: who paints too dark is sure to
 IS_DARK, DARKEST = 0.4, 0.34  # chance that a stroke is too dark as a whole, and by how much at most
-CARELESS = 0.3  # size a of errors from which a stroke may be as dark as that
+CARELESS = 0.2  # size a of errors from which a stroke may be as dark as that
 STEPS = 31  # of how dark
 BETWEEN_LEVELS = 0.1  # of the step between levels of roughness, that its value may be off
 TEMPERATURE = 2.0  # cost by which the odds of two explanations change by a factor of e
@@ -73,7 +73,7 @@ def interval(t: Tables, o: Options, c: Candidate) -> Interval:
         p = np.linalg.pinv(j.T @ weighed, rcond=1e-9) @ weighed.T
         variance = np.diag(p @ errors.covariance @ p.T).copy()
         along = p.sum(1)  # by how much a number grows where all paint is brighter by its own size
-        dark = DARKEST * min(1.0, errors.alike / CARELESS)
+        dark = 0.0 if (t.swatch >= 0).all() else DARKEST * min(1.0, errors.alike / CARELESS)
         for (name, channel), v, g in zip(names, variance, along, strict=True):
             if name == "roughness":
                 v += (BETWEEN_LEVELS * float(np.abs(np.diff(t.levels[:-1])).min(initial=1.0))) ** 2
