@@ -16,13 +16,15 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from xml.etree import ElementTree
 
+import numpy as np
 import pytest
 from kit.batch_shots import break_shot, bytes_below, mend_hanging, write_look, write_manifest, write_shot
 
 from usdslf.batch import Event, Limits, Summary, collect, plan, run_batch, run_job
-from usdslf.batch.apart import Stopped, run_apart
+from usdslf.batch.apart import Stopped, resident, run_apart
 from usdslf.batch.job import Job
 from usdslf.batch.records import write_failure
+from usdslf.cli.bench_batch import open_files
 
 GOOD = tuple(f"good{k}" for k in range(6))  # the first two are solved, the others shown under a look
 WRONG = ("a_hangs", "corrupt", "crashes", "empty", "killed", "missing")
@@ -157,6 +159,24 @@ def test_a_job_in_this_process_writes_the_same_bytes(ran: Ran, tmp_path: Path) -
     summary = collect(found)
     assert {r.job: r.state for r in summary.rows if r.state != "new"} == {"good1": "done"}
     assert not summary.failed  # what was not run did not fail
+
+
+def test_two_hundred_jobs_leave_nothing_open(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """In the runner; each process here ends at once, without a word."""
+    variants = ", ".join(f'{{name = "{k}"}}' for k in range(200))
+    jobs = f'[[jobs]]\nname = "{{variant}}"\nshots = ["a.usda"]\nstrokes = ["s.usda"]\nvariants = [{variants}]\n'
+    found = plan(write_manifest(tmp_path, "workers = 2", jobs=jobs))
+    monkeypatch.setattr(sys, "executable", shutil.which("false"))
+    at: list[tuple[int, int, int]] = []
+
+    def hear(event: Event) -> None:
+        if event.state == "failed":
+            at.append((resident(os.getpid()), open_files(), threading.active_count()))
+
+    summary = run_batch(found, hear=hear)
+    assert len(summary.failed) == 200 and summary.failed[0].why == "its process ended with exit code 1"
+    early, late = np.array(at[20:60]).max(0), np.array(at[-40:]).max(0)
+    assert late[0] - early[0] < 8 << 20 and late[1] <= early[1] and late[2] <= early[2], (early, late)
 
 
 def job_of(folder: Path) -> Job:
