@@ -14,6 +14,7 @@ from PySide6.QtWidgets import (
     QGridLayout,
     QHBoxLayout,
     QLabel,
+    QSizePolicy,
     QSlider,
     QToolButton,
     QVBoxLayout,
@@ -49,7 +50,7 @@ class ToolButtons(QWidget):
             button.setIconSize(QSize(20, 20))
             button.setText(words.TOOLS[tool][0])
             button.setToolButtonStyle(Qt.ToolButtonStyle.ToolButtonTextUnderIcon)
-            button.setMinimumWidth(66)
+            button.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Fixed)
             button.setToolTip(words.tooltip(*words.TOOLS[tool], words.TOOL_KEYS[tool]))
             button.setAccessibleName(words.TOOLS[tool][0])
             button.clicked.connect(lambda _=False, tool=tool: easel.take_tool(tool))
@@ -74,7 +75,6 @@ class Share(QWidget):
         self.box.setDecimals(digits)
         self.box.setRange(*ends)
         self.box.setSingleStep(10.0**-digits * 2)
-        self.box.setButtonSymbols(QDoubleSpinBox.ButtonSymbols.NoButtons)
         self.box.setFixedWidth(70)
         layout = QHBoxLayout(self)
         layout.setContentsMargins(0, 0, 0, 0)

@@ -18,10 +18,11 @@ QToolButton {{ border: 1px solid transparent; border-radius: 3px; padding: 4px 8
 QToolButton:hover {{ background: {RAISED}; }}
 QToolButton:checked {{ background: {FIELD}; border-color: {ACCENT}; }}
 *:focus {{ outline: none; }}
-QPushButton, QComboBox, QLineEdit, QDoubleSpinBox, QSpinBox {{
+QPushButton, QComboBox, QLineEdit {{
   background: {FIELD}; border: 1px solid #262626; border-radius: 3px; padding: 3px 6px; min-height: 18px; }}
+ToolButtons QToolButton {{ padding: 4px 1px; }}
 QPushButton:hover {{ background: {RAISED}; }}
-QPushButton:focus, QComboBox:focus, QLineEdit:focus, QDoubleSpinBox:focus, QSpinBox:focus, QToolButton:focus,
+QPushButton:focus, QComboBox:focus, QLineEdit:focus, QToolButton:focus,
 QSlider:focus, QTreeView:focus, QListView:focus {{ border: 1px solid {ACCENT}; }}
 QTreeView, QListView {{ background: {FIELD}; border: 1px solid #262626; alternate-background-color: #323232; }}
 QHeaderView::section {{ background: {PANEL}; border: none; padding: 3px 6px; }}

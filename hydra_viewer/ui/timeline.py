@@ -30,7 +30,6 @@ class Timeline(QWidget):
         self.play.setToolTip(words.tooltip(*words.PLAY, words.PLAY_KEY))
         self.slider.setToolTip(words.FRAME_TIP)
         self.box.setDecimals(1)
-        self.box.setButtonSymbols(QDoubleSpinBox.ButtonSymbols.NoButtons)
         self.box.setFixedWidth(80)
         self.box.setKeyboardTracking(False)
         self.box.setToolTip(words.FRAME_TIP)

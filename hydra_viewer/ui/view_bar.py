@@ -22,6 +22,7 @@ class ViewBar(QWidget):
         self.pointers = {name: self._pointer(name) for name in POINTERS}
         self.camera, self.drawn = QComboBox(), QComboBox()
         self.camera.setMinimumWidth(180)
+        self.camera.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
         self.camera.setToolTip(words.CAMERA_TIP)
         self.drawn.setToolTip(words.DRAWN_TIP)
         for way in DRAWN:
@@ -35,6 +36,7 @@ class ViewBar(QWidget):
         self.display.setMenu(self.display_menu)
         self.display.setPopupMode(QToolButton.ToolButtonPopupMode.InstantPopup)
         self.display.setToolTip(words.DISPLAY_TIP)
+        self.display.setMaximumWidth(150)
         self.display_menu.named.connect(self.display.setText)
         self.exposure = self._number(words.EXPOSURE, (-12.0, 12.0), lambda v: self._easel.set_display(exposure=v))
         self.gamma = self._number(words.GAMMA, (0.1, 5.0), lambda v: self._easel.set_display(gamma=v))
@@ -71,7 +73,6 @@ class ViewBar(QWidget):
         box.setRange(*ends)
         box.setSingleStep(0.25)
         box.setFixedWidth(70)
-        box.setButtonSymbols(QDoubleSpinBox.ButtonSymbols.NoButtons)
         box.setToolTip(tip[1])
         box.valueChanged.connect(put)
         return box

@@ -34,6 +34,8 @@ from hydra_viewer.ui.viewports import ViewportMenu
 
 LEFT, RIGHT = Qt.DockWidgetArea.LeftDockWidgetArea, Qt.DockWidgetArea.RightDockWidgetArea
 
+LEFT_WIDTH, RIGHT_WIDTH = 300, 392  # of panels, at least [pixels]
+
 
 class Window(QMainWindow):
     """A lookdev artist's window on a shot.
@@ -116,7 +118,7 @@ class Window(QMainWindow):
         scrolled.setWidgetResizable(True)
         scrolled.setFrameShape(QScrollArea.Shape.NoFrame)
         scrolled.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
-        scrolled.setMinimumWidth(300)
+        scrolled.setMinimumWidth(LEFT_WIDTH if area == LEFT else RIGHT_WIDTH)
         dock.setObjectName(title)
         dock.setWidget(scrolled)
         self.addDockWidget(area, dock)

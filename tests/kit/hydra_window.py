@@ -98,7 +98,7 @@ def work(folder: Path) -> dict[str, np.ndarray]:
         hand.solved()
 
     out["painted"] = hand.picture(paint)
-    out["sentence"] = np.array(window.sentence_panel.label.text())
+    out["sentence"] = np.array("\n".join(window.understanding_panel.sentences))
     out["undone"] = hand.picture(lambda: (window.document.undo(), hand.solved()))
     out["done again"] = hand.picture(lambda: (window.document.redo(), hand.solved()))
     window.filing.save()

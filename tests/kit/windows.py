@@ -108,3 +108,8 @@ def pen(widget: QWidget, path: list[tuple[float, float, float]]) -> None:
 def solved(window: Window) -> None:
     """Waits until what the strokes ask for is found, shown and lit."""
     wait_for(lambda: window.worker.is_idle and window.document.is_solved)
+
+
+def sentences(window: Window) -> str:
+    """What the panel Understood says that was inferred."""
+    return "\n".join(window.understanding_panel.sentences)

@@ -8,7 +8,22 @@ from pathlib import Path
 import numpy as np
 import pytest
 from kit.moving_stages import roll
-from kit.windows import ALT, CTRL, LEFT, MIDDLE, RIGHT, SHIFT, drag, opened, pen, pixel, press, solved, wait_for
+from kit.windows import (
+    ALT,
+    CTRL,
+    LEFT,
+    MIDDLE,
+    RIGHT,
+    SHIFT,
+    drag,
+    opened,
+    pen,
+    pixel,
+    press,
+    sentences,
+    solved,
+    wait_for,
+)
 from PySide6.QtCore import QPoint, Qt
 from PySide6.QtGui import QWheelEvent
 from PySide6.QtTest import QTest
@@ -70,12 +85,12 @@ def test_a_stroke_is_understood_undone_and_done_again(window: Window) -> None:
     assert stroke.surfaces == (BALL,) and np.allclose(stroke.colors, (0.02, 0.3, 0.05))
     assert window.easel.brush.recent[0] == (0.02, 0.3, 0.05)
     solved(window)
-    assert "/World/mtl/red" in window.sentence_panel.label.text()
+    assert "/World/mtl/red" in sentences(window)
     wait_for(lambda: canvas.viewport.pixels().mean((0, 1))[1] > before[1] * 1.005)  # greener
     QTest.keyClick(window, Qt.Key.Key_Z, CTRL)
     assert document.strokes == () and window.redo_action.text().endswith("replace stroke")
     solved(window)
-    assert window.sentence_panel.label.text() == ""
+    assert sentences(window) == ""
     wait_for(lambda: np.allclose(canvas.viewport.pixels().mean((0, 1)), before, rtol=0.02))
     QTest.keyClick(window, Qt.Key.Key_Z, CTRL | SHIFT)
     assert document.strokes == (stroke,)
@@ -84,7 +99,7 @@ def test_a_stroke_is_understood_undone_and_done_again(window: Window) -> None:
 def test_what_is_saved_opens_again_as_it_was(window: Window, stage: Path) -> None:
     drag(window.painting.canvas, on_ball(window))
     solved(window)
-    said = window.sentence_panel.label.text()
+    said = sentences(window)
     assert window.isWindowModified()
     bytes_of_shot = stage.read_bytes()
     QTest.keyClick(window, Qt.Key.Key_S, CTRL)
@@ -94,7 +109,7 @@ def test_what_is_saved_opens_again_as_it_was(window: Window, stage: Path) -> Non
     assert stage.read_bytes() == bytes_of_shot
     with opened(stage, stage.with_name("strokes.usda")) as again:
         solved(again)
-        assert again.sentence_panel.label.text() == said
+        assert sentences(again) == said
 
 
 def test_a_pen_that_presses_less_paints_narrower(window: Window) -> None:

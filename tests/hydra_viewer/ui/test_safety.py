@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from kit.moving_stages import roll
-from kit.windows import drag, opened, press, solved, wait_for
+from kit.windows import drag, opened, press, sentences, solved, wait_for
 from PySide6.QtCore import QTimer
 from PySide6.QtWidgets import QApplication, QMessageBox, QPushButton
 
@@ -153,7 +153,7 @@ def test_a_shot_without_lights_and_with_a_texture_missing_says_so(tmp_path: Path
         assert "nowhere.exr" in window.bar.text
         drag(window.painting.canvas, ON_TABLE)
         solved(window)
-        assert window.sentence_panel.label.text()
+        assert sentences(window)
 
 
 def test_cancelled_work_changes_nothing(stage: Path) -> None:
