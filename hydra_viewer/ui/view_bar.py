@@ -21,10 +21,12 @@ class ViewBar(QWidget):
         self._painting, self._easel = painting, painting.easel
         self.pointers = {name: self._pointer(name) for name in POINTERS}
         self.camera, self.drawn = QComboBox(), QComboBox()
-        self.camera.setMinimumWidth(180)
+        self.camera.setMinimumWidth(140)
         self.camera.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
         self.camera.setToolTip(words.CAMERA_TIP)
         self.drawn.setToolTip(words.DRAWN_TIP)
+        self.drawn.setMinimumWidth(110)
+        self.drawn.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
         for way in DRAWN:
             self.drawn.addItem(words.DRAWN[way], way)
         self.gate = QToolButton()

@@ -34,7 +34,7 @@ from hydra_viewer.ui.viewports import ViewportMenu
 
 LEFT, RIGHT = Qt.DockWidgetArea.LeftDockWidgetArea, Qt.DockWidgetArea.RightDockWidgetArea
 
-LEFT_WIDTH, RIGHT_WIDTH = 300, 392  # of panels, at least [pixels]
+LEFT_WIDTH, RIGHT_WIDTH = 300, 376  # of panels, at least [pixels]
 
 
 class Window(QMainWindow):
