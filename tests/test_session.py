@@ -19,6 +19,7 @@ from reference.light_field import closed_box
 
 import usdslf
 from usdslf.errors import SolveError, StrokeError
+from usdslf.inference.first_answers import UNSEEN
 from usdslf.session import Session
 from usdslf.shot import Shot
 from usdslf.strokes.stroke import Stroke
@@ -77,6 +78,7 @@ def test_the_report_holds_what_was_agreed_and_is_json(session: Session) -> None:
     }  # fmt: skip
     assert (report["elements"], report["directions"]) == (150, 1024)
     assert report["stage"].endswith("stage.usda")
+    assert report["light_left_out"] and all(0 <= x <= UNSEEN for x in report["light_left_out"])
     assert report["seconds"].keys() >= {"read", "elements", "visibility", "light", "solve"}
     (stroke,) = report["strokes"]
     assert stroke.keys() >= {

@@ -71,6 +71,7 @@ def report_of(shot: Shot, solution: Solution, look: Look | None = None) -> dict[
         ],
         **({"rebase": look.rebase.as_values()} if look and look.rebase else {}),
         "collateral": [c.as_values() for c in (look.collateral if look else ())],
+        "light_left_out": [round(x, 6) for x in solution.left_out],
         "warnings": list(dict.fromkeys(w for part in parts for w in part.warnings)),
         "seconds": {k: round(v, 4) for part in parts for k, v in part.seconds.items()},
     }

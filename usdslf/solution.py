@@ -80,6 +80,8 @@ class Solution:
         stylized: what became of a shot that was stylized; None: strokes were solved.
         painted: strokes with their samples, what the solve looked at.
         as_preview: residuals of answers by phong, as UsdPreviewSurface shows them.
+        left_out: of the light that surfaces send to direct strokes, what each round left out, 0..1; below
+            `UNSEEN` unless the bounces were too few.
         how: what of the settings is not as usual, in words.
         warnings: sentences.
         seconds: by step.
@@ -90,6 +92,7 @@ class Solution:
     stylized: Stylized | None = None
     painted: tuple[Painted, ...] = field(default=(), repr=False)
     as_preview: Mapping[Pool, float] = field(default_factory=dict)
+    left_out: tuple[float, ...] = ()
     how: str = ""
     warnings: tuple[str, ...] = ()
     seconds: Mapping[str, float] = field(default_factory=dict)
@@ -230,7 +233,8 @@ def find_solution(shot: Shot, strokes: Sequence[Stroke], settings: Settings | No
             painted.append(tell_during(partial(shot.gathered.of, stroke, gather, said)))
             tell(len(painted) / len(asked))
     with step("solve", seconds):
-        answers, as_preview = tell_during(lambda: _answers(shot, painted, field, s, said))
+        left: list[float] = []
+        answers, as_preview = tell_during(lambda: _answers(shot, painted, field, s, said, left))
     for a in answers:
         if a.is_ambiguous and not a.others:
             names = ", ".join(active[i].path for i in a.pool.strokes)
@@ -238,13 +242,13 @@ def find_solution(shot: Shot, strokes: Sequence[Stroke], settings: Settings | No
             if sentence not in said:
                 said.append(sentence)
     return Solution(
-        tuple(active), tuple(answers), None, tuple(painted), MappingProxyType(as_preview), s.in_words(), tuple(said),
-        MappingProxyType(seconds),
+        tuple(active), tuple(answers), None, tuple(painted), MappingProxyType(as_preview), tuple(left), s.in_words(),
+        tuple(said), MappingProxyType(seconds),
     )  # fmt: skip
 
 
 def _answers(
-    shot: Shot, painted: list[Painted], field: LightField, s: Settings, said: list[str]
+    shot: Shot, painted: list[Painted], field: LightField, s: Settings, said: list[str], left: list[float]
 ) -> tuple[list[Answer], dict[Pool, float]]:
     """The answers, and the residuals of those by phong as UsdPreviewSurface shows them."""
     bounces, choose = s.bounces or shot.bounces, dict(s.choose)
@@ -252,7 +256,7 @@ def _answers(
     as_preview: dict[Pool, float] = {}
     if any(p.stroke.mode == "direct" for p in painted):
         weights = s.weights or Options()
-        ask = Asking(shot.scene, field, weights, choose, bounces, s.similarity, said, shot.gathered)
+        ask = Asking(shot.scene, field, weights, choose, bounces, s.similarity, said, left, shot.gathered)
         rounds = infer_changes(painted, ask)
         for number, direct in enumerate(rounds):  # noqa: B007
             tell((number + 1) / MOST_ROUNDS)

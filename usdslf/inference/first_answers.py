@@ -52,6 +52,7 @@ class Asking:
     bounces: int = 6  # most of a round
     similarity: Weights | None = None  # of what strokes of scope `similar` change beside the painted material
     said: list[str] = dataclass_field(default_factory=list)  # takes sentences
+    left_out: list[float] = dataclass_field(default_factory=list)  # takes of each round the light that it left out
     kept: Gathered = dataclass_field(default_factory=Gathered)  # what was found before for strokes that have names
 
     def evidence(self, painted: Painted) -> Evidence:
@@ -64,7 +65,9 @@ class Asking:
         """Lets light follow a change as far as strokes see it."""
         sees = lambda p: self.kept.once(f"seen {p.name}", lambda _: p.samples.sees(self.field), [])  # noqa: E731
         matters = np.sum([sees(p) if p.name else p.samples.sees(self.field) for p in painted], axis=0)
-        renew(field, self.bounces, UNSEEN, matters)
+        found = renew(field, self.bounces, UNSEEN, matters)
+        if field is self.field:
+            self.left_out.append(found.left)
 
     def of_pool(
         self, what: str, pool: Pool, painted: list[Painted], find: Callable[[Asking], Found], *more: object
