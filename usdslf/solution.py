@@ -25,6 +25,7 @@ from usdslf.inference.answers import Answer, Painted, Pool
 from usdslf.inference.changes import changes_of
 from usdslf.inference.direct import MOST_ROUNDS, gather_stroke, infer_changes
 from usdslf.inference.first_answers import Asking
+from usdslf.inference.gathered import name_of
 from usdslf.inference.indirect import infer_indirect
 from usdslf.inference.weights import Options
 from usdslf.light_field.light_field import LightField
@@ -224,8 +225,7 @@ def find_solution(shot: Shot, strokes: Sequence[Stroke], settings: Settings | No
     asked = [replace(stroke, norm=s.norm) if s.norm else stroke for stroke in active]
     seconds: dict[str, float] = {}
     said: list[str] = []
-    before = shot.light_field
-    field = before.with_surface(before.surface)
+    light = shot.light_field
     with step("evidence", seconds):
         painted = []
         for stroke in asked:
@@ -233,24 +233,33 @@ def find_solution(shot: Shot, strokes: Sequence[Stroke], settings: Settings | No
             painted.append(tell_during(partial(shot.gathered.of, stroke, gather, said)))
             tell(len(painted) / len(asked))
     with step("solve", seconds):
-        left: list[float] = []
-        answers, as_preview = tell_during(lambda: _answers(shot, painted, field, s, said, left))
-    for a in answers:
+        name = name_of("answers", [p.name for p in painted], s, shot.bounces)
+        find = lambda own: _answers(shot, light, painted, s, own)  # noqa: E731
+        found = tell_during(lambda: shot.gathered.once(name, find, said))
+    for a in found.answers:
         if a.is_ambiguous and not a.others:
             names = ", ".join(active[i].path for i in a.pool.strokes)
             sentence = f"{names}: {a.chosen.id} and {a.ties[0]} explain it about equally well; paint more or choose"
             if sentence not in said:
                 said.append(sentence)
     return Solution(
-        tuple(active), tuple(answers), None, tuple(painted), MappingProxyType(as_preview), tuple(left), s.in_words(),
-        tuple(said), MappingProxyType(seconds),
+        tuple(active), found.answers, None, tuple(painted), MappingProxyType(found.as_preview), found.left_out,
+        s.in_words(), tuple(said), MappingProxyType(seconds),
     )  # fmt: skip
 
 
-def _answers(
-    shot: Shot, painted: list[Painted], field: LightField, s: Settings, said: list[str], left: list[float]
-) -> tuple[list[Answer], dict[Pool, float]]:
-    """The answers, and the residuals of those by phong as UsdPreviewSurface shows them."""
+@dataclass(frozen=True)
+class _Found:
+    """What strokes ask for, by the names of Solution."""
+
+    answers: tuple[Answer, ...]
+    as_preview: Mapping[Pool, float]
+    left_out: tuple[float, ...]
+
+
+def _answers(shot: Shot, light: LightField, painted: list[Painted], s: Settings, said: list[str]) -> _Found:
+    """The answers, and the residuals of those by phong as UsdPreviewSurface shows them; work on light of their own."""
+    field, left = light.with_surface(light.surface), list[float]()
     bounces, choose = s.bounces or shot.bounces, dict(s.choose)
     direct: list[Answer] = []
     as_preview: dict[Pool, float] = {}
@@ -263,9 +272,9 @@ def _answers(
     if not model_of(shot.model).is_authored:
         as_preview = {a.pool: residual_as_preview(a, painted, field) for a in direct}
     if not any(p.stroke.mode == "indirect" for p in painted):
-        return direct, as_preview
+        return _Found(tuple(direct), as_preview, tuple(left))
     indirect = infer_indirect(painted, shot.scene, field, s.weights, bounces, said, choose, direct)
-    return direct + indirect, as_preview
+    return _Found((*direct, *indirect), as_preview, tuple(left))
 
 
 def find_style(shot: Shot, amount: float = AMOUNT, radius: float = RADIUS, norm: str = "mixed") -> Solution:

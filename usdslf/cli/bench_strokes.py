@@ -32,7 +32,8 @@ def stroke_steps(session: Session, strokes: Sequence[Stroke]) -> Iterator[Timed]
     fresh = (replace(last, colors=last.colors * np.float32(1 + 0.01 * k)) for k in range(1, 3 * REPEATS + 1))
     yield _timed("new stroke to answer, first one", shot, ([next(fresh)] for _ in range(REPEATS)))
     yield _timed("new stroke to answer, third one", shot, ([*known[:-1], next(fresh)] for _ in range(REPEATS)))
-    yield _timed("three strokes again, all rounds", shot, (known for _ in range(REPEATS)))
+    anew = Settings(bounces=shot.bounces + 1)  # which only rounds depend on
+    yield _timed("three known strokes, all rounds", shot, [known], anew)
     yield _timed("undo of the third", shot, (known[:-1] for _ in range(REPEATS)))
     other = Settings(choose={last.name: "specular"})
     yield _timed("another choice", shot, [known], other)

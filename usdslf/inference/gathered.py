@@ -1,8 +1,8 @@
 """Gathered: what was found for strokes on one shot, kept as long as it is likely to be asked again.
 
 Samples depend on the stroke and on the shot as it is, on nothing else, evidence and first answers on no other pool's
-strokes: another stroke beside it, an undo or another choice ask for the same ones.  The least recently asked go when
-all of them are larger than the limit.
+strokes: another stroke beside it, an undo or another choice ask for the same ones.  All answers together stay for an
+undo or redo.  The least recently asked go when all of them are larger than the limit.
 """
 
 from __future__ import annotations
@@ -77,7 +77,9 @@ def name_of(*values: Any) -> str:
 
 
 def size_of(value: Any) -> int:
-    """Returns the bytes of all arrays of a record."""
+    """Returns the bytes of all arrays of a record or a sequence."""
+    if isinstance(value, (tuple, list)):
+        return sum(map(size_of, value))
     if is_dataclass(value):
         return sum(size_of(getattr(value, f.name)) for f in fields(value))
     return int(getattr(value, "nbytes", 0))
