@@ -49,7 +49,7 @@ def page_of(review: Review, than: str = "") -> str:
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(TEMPLATES), autoescape=True, trim_blocks=True, undefined=jinja2.StrictUndefined
     )
-    environment.filters |= {"shown": shown, "words": words_of}
+    environment.filters |= {"shown": shown, "words": words_of, "plural": lambda n: "" if n == 1 else "s"}
     raw = {name: Markup((TEMPLATES / f"page.{name}").read_text("utf-8")) for name in ("css", "js")}
     return environment.get_template("page.html").render(
         r=values, is_diff=bool(than), ends=ends, title=" | ".join(ends) if than else Path(review.look.look).name,
