@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Generator, Sequence
+from collections.abc import Collection, Generator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -94,7 +94,7 @@ class Effects:
 
 
 def previewing(
-    shot: Shot, found: Found, groups: Sequence[Understood], sight: Sight
+    shot: Shot, found: Found, groups: Sequence[Understood], sight: Sight, known: Collection[tuple[int, str]] = ()
 ) -> Generator[Progress | Preview | Effects, None, None]:
     """Makes pictures of the alternatives, then looks at what changes.
 
@@ -103,6 +103,7 @@ def previewing(
         found: with its look, and lit.
         groups: what was understood of it.
         sight: through which camera.
+        known: number of the group and id of the alternatives whose pictures are there already.
     """
     if found.shot is None:
         return
@@ -114,6 +115,8 @@ def previewing(
             crop, region = crop_of(shot, strokes, sight)
             near = base.seen_by(sight.camera, crop, region)
             for alternative in group.alternatives[:MOST] if len(group.alternatives) > 1 else ():
+                if (number, alternative.id) in known:
+                    continue
                 path = Path(folder) / f"look_{number}.usda"
                 if alternative.is_chosen:
                     edited: Shot | str = found.shot

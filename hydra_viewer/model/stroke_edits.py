@@ -2,12 +2,13 @@
 
     toggled, deleted, moved, changed, recolored, chosen
     described(stroke) -> str        a line for a list
+    is_same_paint(one, other)       whether two strokes differ in the chosen explanation at most
 """
 
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import replace
+from dataclasses import fields, replace
 from typing import Any
 
 import numpy as np
@@ -74,6 +75,12 @@ def chosen(strokes: Sequence[Stroke], names: Collection[str], choice: str) -> St
     return tuple(replace(s, choice=choice) if s.name in names and s.choice != choice else s for s in strokes)
 
 
+def is_same_paint(one: Stroke, other: Stroke) -> bool:
+    """Returns whether two strokes differ in what was chosen as their explanation at most."""
+    names = [f.name for f in fields(Stroke) if f.name != "choice"]
+    return all(getattr(one, name) is getattr(other, name) for name in names)
+
+
 def described(stroke: Stroke) -> str:
     """Returns a stroke in a line: tool, and what is not as usual."""
     s = stroke
@@ -82,5 +89,4 @@ def described(stroke: Stroke) -> str:
     unusual += [s.scope] if s.scope != "material" else []
     unusual += [s.norm] if s.norm != "mixed" else []
     unusual += [s.space] if s.space != "scene" else []
-    unusual += [f"as {s.choice}"] if s.choice else []
     return ", ".join([s.tool, *unusual])

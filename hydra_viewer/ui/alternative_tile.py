@@ -31,7 +31,9 @@ class AlternativeTile(QAbstractButton):
         self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
         self.setCheckable(True)
         self.setChecked(alternative.is_chosen)
-        self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Fixed)
+        policy = QSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Minimum)
+        policy.setHeightForWidth(True)
+        self.setSizePolicy(policy)
         self.setAccessibleName(alternative.title)
         self.setText(alternative.title)
         changes = "\n".join(c.in_words for c in alternative.changes)
@@ -47,7 +49,7 @@ class AlternativeTile(QAbstractButton):
         return QSize(140, self.heightForWidth(140))
 
     def minimumSizeHint(self) -> QSize:
-        return QSize(100, self.heightForWidth(100))
+        return QSize(90, self.heightForWidth(90))
 
     @property
     def has_picture(self) -> bool:
@@ -69,20 +71,17 @@ class AlternativeTile(QAbstractButton):
     def nextCheckState(self) -> None:
         """It stays as it is: what is chosen is shown when it was found."""
 
-    def resizeEvent(self, event: object) -> None:
-        self.setFixedHeight(self.heightForWidth(self.width()))
-
     def paintEvent(self, event: QPaintEvent) -> None:
         painter = QPainter(self)
         painter.setRenderHint(QPainter.RenderHint.Antialiasing)
         painter.setRenderHint(QPainter.RenderHint.SmoothPixmapTransform)
-        r = QRectF(self.rect()).adjusted(1, 1, -1, -1)
+        r = QRectF(0, 0, self.width(), self.heightForWidth(self.width())).adjusted(1, 1, -1, -1)
         shape = QPainterPath()
         shape.addRoundedRect(r, 4, 4)
         is_lit = self.underMouse() and self.isEnabled()
         painter.fillPath(shape, QColor(theme.RAISED if is_lit else theme.FIELD))
         painter.setClipPath(shape)
-        picture = QRect(1, 1, self.width() - 2, self.height() - CAPTION)
+        picture = QRect(1, 1, self.width() - 2, self.heightForWidth(self.width()) - CAPTION)
         if self.has_picture:
             painter.drawImage(picture, self._image)
         else:
@@ -91,7 +90,7 @@ class AlternativeTile(QAbstractButton):
             said = words.NOT_POSSIBLE if self._why_not else words.PICTURE_COMES
             painter.drawText(picture, Qt.AlignmentFlag.AlignCenter, said)
         painter.setClipping(False)
-        self._draw_caption(painter, QRect(7, self.height() - CAPTION + 2, self.width() - 14, CAPTION - 4))
+        self._draw_caption(painter, QRect(7, picture.bottom() + 3, self.width() - 14, CAPTION - 4))
         is_marked = self.isChecked() or self.hasFocus()
         color = theme.ACCENT if self.isChecked() else theme.TEXT if self.hasFocus() else "#262626"
         painter.setBrush(Qt.BrushStyle.NoBrush)
@@ -106,8 +105,8 @@ class AlternativeTile(QAbstractButton):
         painter.setPen(QColor(theme.DIM))
         chance = self.alternative.chance
         if chance is not None:
-            likely = words.CHANCE.format(100 * chance)
-            painter.drawText(where, Qt.AlignmentFlag.AlignBottom | Qt.AlignmentFlag.AlignLeft, likely)
+            at = Qt.AlignmentFlag.AlignBottom | Qt.AlignmentFlag.AlignLeft
+            painter.drawText(where, at, words.chance(chance))
         if self.isChecked():
             painter.setPen(QColor(theme.ACCENT))
             painter.drawText(where, Qt.AlignmentFlag.AlignBottom | Qt.AlignmentFlag.AlignRight, words.CHOSEN)

@@ -98,6 +98,7 @@ class CompareLayer(QObject):
         self.other: Viewport | None = None
         self._kind = canvas.kind
         self._shows: tuple[Found | None] | None = None
+        self._is_there = False  # the other picture
         self._clip, self.handle = QWidget(canvas), _Handle(comparison, canvas)
         self._clip.setAttribute(Qt.WidgetAttribute.WA_TransparentForMouseEvents)
         self.difference = _Difference(self._clip)
@@ -137,7 +138,8 @@ class CompareLayer(QObject):
             self._kind = self._canvas.kind
             self.other = self._kind.make(self._clip)
             self.other.widget.setAttribute(Qt.WidgetAttribute.WA_TransparentForMouseEvents)
-            self.other.changed.connect(self._timer.start)
+            self._is_there = False
+            self.other.changed.connect(self._on_other_changed)
             self._canvas.viewport.changed.connect(self._timer.start)
             self._show_display()
             self._lay_out()
@@ -147,6 +149,12 @@ class CompareLayer(QObject):
         if self._shows != (self._comparison.other,):
             self._shows = (self._comparison.other,)
             self.other.show_shot(shown_of(shot, self._comparison.other))
+
+    def _on_other_changed(self) -> None:
+        if not self._is_there:
+            self._is_there = True
+            self._lay_out()
+        self._timer.start()
 
     def _end(self) -> None:
         if self.other is None:
@@ -181,7 +189,9 @@ class CompareLayer(QObject):
         if self.other is None:
             return
         at = round(state.split * w)
-        self._clip.setGeometry(0, 0, at if is_wipe else w, h)
+        seen = at if is_wipe else w
+        # a viewport that is hidden makes no picture: until it has one, it is there and takes no place
+        self._clip.setGeometry(0, 0, seen if self._is_there else 1, h)
         self.other.widget.setGeometry(QRect(0, 0, w, h))
         self.difference.setGeometry(0, 0, w, h)
         self.difference.raise_()

@@ -5,7 +5,7 @@ All of it is made by quiet jobs, which hold nothing up; a stroke that is painted
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from numpy.typing import NDArray
@@ -16,13 +16,14 @@ from hydra_viewer.model.easel import Easel
 from hydra_viewer.model.found import Found
 from hydra_viewer.model.previews import Effects, Preview, Sight, previewing
 from hydra_viewer.model.scope_mask import scope_mask
-from hydra_viewer.model.stroke_edits import changed, chosen
+from hydra_viewer.model.stroke_edits import changed, chosen, is_same_paint
 from hydra_viewer.model.understanding import Understood, understood
 from hydra_viewer.ui import panel_words as words
 from hydra_viewer.ui.worker import Job, Worker
-from usdslf import NextDab, find_next_dab, stepwise
+from usdslf import Camera, NextDab, Stroke, find_next_dab, stepwise
 
 MASK_PIXELS = 160_000
+PREVIEW = 168, 112  # of a preview, width and height [pixels]
 KINDS = GROUPS, PREVIEWS, DAB, MASK = "understand", "previews", "next dab", "scope"
 
 
@@ -39,6 +40,8 @@ class Explaining(QObject):
 
     Attributes:
         groups: what strokes ask for together.
+        preview_size, aspect: of previews [pixels], and of the picture.
+        looked_at: names of the strokes that are to be explained first.
         previews: by number of the group and id of the alternative.
         effects: what of the picture changes; None: not known yet.
         marked: a place to dab next; None: none was asked for.
@@ -60,7 +63,7 @@ class Explaining(QObject):
         super().__init__(parent)
         self._document, self._easel, self._worker = document, easel, worker
         self.aspect = 1.6
-        self.preview_size = (168, 112)
+        self.preview_size = PREVIEW
         self._found: Found | None = None
         self._forget()
         document.found_changed.connect(self._take_found)
@@ -69,7 +72,9 @@ class Explaining(QObject):
 
     def _forget(self) -> None:
         self.groups: tuple[Understood, ...] = ()
+        self.looked_at: tuple[str, ...] = ()
         self.previews: dict[tuple[int, str], Preview] = {}
+        self._pictured: tuple[tuple[Stroke, ...], Camera] | None = None  # what the previews are of
         self.effects: Effects | None = None
         self.marked: Marked | None = None
         self.mask: NDArray | None = None
@@ -118,17 +123,35 @@ class Explaining(QObject):
 
     def _take_groups(self, groups: tuple[Understood, ...]) -> None:
         self._worker.cancel(PREVIEWS)
-        self.groups, self.previews, self.effects, self.marked = groups, {}, None, None
+        self.previews = self._still_right(groups)
+        self.groups, self.effects, self.marked = groups, None, None
         self._tell_all()
         if self._found is not None and self._found.is_lit:
             self._make_previews()
+
+    def _still_right(self, groups: tuple[Understood, ...]) -> dict[tuple[int, str], Preview]:
+        """The pictures that are of the same paint, seen by the same camera: a choice changes none of them."""
+        view, found = self._easel.view, self._found
+        if self._pictured is None or view is None or found is None or self._pictured[1] is not view.camera:
+            return {}
+        before, now = ({s.name: s for s in strokes} for strokes in (self._pictured[0], found.strokes))
+        same = {name for name in now if name in before and is_same_paint(before[name], now[name])}
+        numbers = {g.strokes: n for n, g in enumerate(groups) if same.issuperset(g.strokes)}
+        kept = {}
+        for (number, id_), preview in self.previews.items():
+            there = numbers.get(self.groups[number].strokes)
+            if there is not None:
+                kept[there, id_] = replace(preview, group=there)
+        return kept
 
     def _make_previews(self) -> None:
         found, shot, view, groups = self._found, self._document.shot, self._easel.view, self.groups
         if found is None or shot is None or view is None:
             return
-        sight = Sight(view.camera, self.aspect, self.preview_size)
-        self._start(PREVIEWS, lambda: previewing(shot, found, groups, sight), self._end_pictures, self._take_part)
+        sight, known = Sight(view.camera, self.aspect, self.preview_size), set(self.previews)
+        self._pictured = found.strokes, view.camera
+        steps = lambda: previewing(shot, found, groups, sight, known)  # noqa: E731
+        self._start(PREVIEWS, steps, self._end_pictures, self._take_part)
         self.work_changed.emit()
 
     def _end_pictures(self, _: None) -> None:
@@ -149,6 +172,12 @@ class Explaining(QObject):
         found = group.alternative(id_)
         name = words.chose(found.title) if found else words.LET_DECIDE[0]
         self._document.change_strokes(name, chosen(self._document.strokes, group.strokes, id_))
+
+    def look_at(self, names: tuple[str, ...]) -> None:
+        """Explains what was understood of some strokes first."""
+        if names != self.looked_at:
+            self.looked_at = names
+            self.groups_changed.emit()
 
     def set_scope(self, group: Understood, scope: str) -> None:
         """Lets the change spread as far as a scope."""

@@ -20,7 +20,7 @@ NEXT_DAB = ("Where to dab next", "Mark the place where one more dab tells the le
             "colour that each expects there")  # fmt: skip
 HIDE_DAB = ("Hide the mark", "Take the mark off the picture")
 DECIDES, HARDLY_DECIDES = "one dab here decides", "a dab here helps, but does not decide alone"
-SCOPE_TITLE = "Changes"
+SCOPE_TITLE = "The change goes on to"
 SCOPES = {
     "stroke": ("Painted", "Only the faces under the stroke"),
     "prim": ("Object", "Only the painted gprims"),
@@ -35,7 +35,6 @@ EFFECT_KINDS = {
 }  # fmt: skip
 SHARED = "Also shown by"
 NOT_PAINTED = "not painted"
-CHANCE = "{:.0f} %"
 MAKING_PICTURES = "Making pictures of the explanations"
 STOP = ("✕", "Stop making pictures")
 
@@ -84,12 +83,16 @@ JSON_FILES = "JSON (*.json)"
 
 def summary(counts: Mapping[str, int]) -> str:
     """Returns what a look changes, and whether that is well, in a line."""
-    said = [f"{counts[what]} {what}" for what in ("materials", "inputs", "gprims")]
+    said = [_count(counts[what], what) for what in ("materials", "inputs", "gprims")]
     said.append(f"{counts['not_painted']} of them not painted")
-    wrong = [f"{counts[what]} {what}" for what in ("findings", "risks") if counts[what]]
+    wrong = [_count(counts[what], what) for what in ("findings", "risks") if counts[what]]
     wrong += ["stale"] if counts["stale"] else []
     wrong += [] if counts["wins"] else ["some edits are hidden"]
     return f"{', '.join(said)}; {', '.join(wrong) or 'nothing is wrong with it'}"
+
+
+def _count(count: int, what: str) -> str:
+    return f"{count} {what[:-1] if count == 1 else what}"
 
 
 def not_written(path: str, why: str) -> str:
@@ -113,9 +116,19 @@ def shared_by(count: int, first: str) -> str:
     return f"{SHARED} {first}{more} ({NOT_PAINTED})"
 
 
+def chance(share: float) -> str:
+    """Returns how likely an explanation is."""
+    return f"{100 * share:.0f} %" if share >= 0.01 else "below 1 %"
+
+
 def of_strokes(names: str, count: int) -> str:
     """Returns which strokes something is of."""
     return f"strokes {names}" if count > 1 else f"stroke {names}"
+
+
+def understood_as(title: str, is_by_hand: bool) -> str:
+    """Returns what a stroke was taken for."""
+    return f"{title} ({BY_HAND})" if is_by_hand else title
 
 
 def effect(name: str, change: float, kind: str) -> str:

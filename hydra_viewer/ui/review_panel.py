@@ -106,7 +106,8 @@ class ReviewPanel(QWidget):
                     head.setExpanded(True)
                     under[row.material] = head
                 under[row.material].addChild(_item(row))
-        self.tree.resizeColumnToContents(0)
+        for column, width in ((0, 124), (1, 110)):
+            self.tree.header().resizeSection(column, width)
         values = found.as_values()["summary"]
         self.summary.setText(words.summary(values))
         self.summary.setStyleSheet(f"color: {theme.TEXT if not found.findings else '#e0988f'};")

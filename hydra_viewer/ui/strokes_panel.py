@@ -87,7 +87,7 @@ class StrokesPanel(QWidget):
         super().__init__(parent)
         self._document, self._easel, self._explaining = document, easel, explaining
         self.tree, self.fields = self._make_tree(), StrokeFields(document, easel)
-        self._empty = QLabel(words.NO_STROKES)
+        self._empty, self._names = QLabel(words.NO_STROKES), tuple[str, ...]()
         layout = QVBoxLayout(self)
         layout.setContentsMargins(8, 8, 8, 8)
         layout.setSpacing(6)
@@ -113,9 +113,9 @@ class StrokesPanel(QWidget):
         tree.setDragDropMode(QAbstractItemView.DragDropMode.InternalMove)
         tree.setDefaultDropAction(Qt.DropAction.MoveAction)
         header = tree.header()
-        header.setSectionResizeMode(0, QHeaderView.ResizeMode.ResizeToContents)
-        header.setSectionResizeMode(1, QHeaderView.ResizeMode.Interactive)
-        header.resizeSection(1, 90)
+        for column, width in ((0, 104), (1, 78)):
+            header.setSectionResizeMode(column, QHeaderView.ResizeMode.Interactive)
+            header.resizeSection(column, width)
         header.setStretchLastSection(True)
         tree.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
         tree.itemChanged.connect(self._on_checked)
@@ -144,7 +144,10 @@ class StrokesPanel(QWidget):
     # ── rows ───────────────────────────────────────────────────────────────────────────────────
 
     def _fill(self) -> None:
-        names, current = set(self.selected), self.tree.currentItem()
+        current, known = self.tree.currentItem(), set(self._names)
+        self._names = tuple(s.name for s in self._document.strokes)
+        # what is painted now is looked at, not what was selected before
+        names = set(self.selected) if known.issuperset(self._names) else set()
         at = current.data(0, NAME) if current else ""
         with QSignalBlocker(self.tree):
             self.tree.clear()
@@ -171,7 +174,7 @@ class StrokesPanel(QWidget):
             item.setIcon(0, swatch_icon(shown(stroke.colors.mean(0), shot, self._easel.display)))
         else:
             item.setIcon(0, icon(stroke.tool))
-        item.setToolTip(0, stroke.name)
+        item.setToolTip(0, f"{stroke.name}: {described(stroke)}")
         item.setToolTip(1, "\n".join(stroke.surfaces))
         return item
 
@@ -185,7 +188,8 @@ class StrokesPanel(QWidget):
                 group = said.get(item.data(0, NAME))
                 is_on = item.checkState(0) == Qt.CheckState.Checked
                 chosen = group.chosen if group and is_on else None
-                item.setText(2, chosen.title if chosen else "" if is_on else words.SWITCHED_OFF)
+                title = words.understood_as(chosen.title, group.is_chosen_by_hand) if group and chosen else ""
+                item.setText(2, title if is_on else words.SWITCHED_OFF)
                 item.setToolTip(2, group.sentence if group and is_on else "")
 
     @property
@@ -249,4 +253,5 @@ class StrokesPanel(QWidget):
         names = self.selected
         for name, button in self.buttons.items():
             button.setEnabled(bool(names) if name != words.SOLVE_AGAIN[0] else bool(self._document.active))
+        self._explaining.look_at(names)
         self.fields.show_strokes([s for s in self._document.strokes if s.name in names])

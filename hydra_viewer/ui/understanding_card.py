@@ -62,7 +62,7 @@ class UnderstandingCard(QWidget):
         self.setObjectName("card")
         self.setStyleSheet("#card { background: #3f3f3f; border: 1px solid #303030; border-radius: 4px; }")
         self._layout = QVBoxLayout(self)
-        self._layout.setContentsMargins(10, 8, 10, 10)
+        self._layout.setContentsMargins(8, 8, 8, 8)
         self._layout.setSpacing(6)
         self._add_head()
         self._add_changes()
@@ -180,7 +180,7 @@ class UnderstandingCard(QWidget):
     def _add_scope(self) -> None:
         row = QHBoxLayout()
         row.setSpacing(2)
-        row.addWidget(_dim(words.SCOPE_TITLE))
+        self._layout.addWidget(_dim(words.SCOPE_TITLE))
         group = QButtonGroup(self)
         self.scopes: dict[str, QToolButton] = {}
         for scope in SCOPES:

@@ -13,14 +13,17 @@ from hydra_viewer.model.previews import Effect
 from hydra_viewer.model.understanding import Understood
 from hydra_viewer.ui import panel_words as words
 from hydra_viewer.ui import theme
-from hydra_viewer.ui.explaining import Explaining
+from hydra_viewer.ui.explaining import PREVIEW, Explaining
 from hydra_viewer.ui.swatches import shown, shown_picture
 from hydra_viewer.ui.understanding_card import UnderstandingCard
 from hydra_viewer.ui.words import tooltip
 
+MOST_CARDS = 5  # others are shown when their strokes are selected
+SHARPEST = 1.5  # pixels of a preview by those of the panel
+
 
 class UnderstandingPanel(QWidget):
-    """A card for what strokes ask for together, the last painted one first.
+    """A card for what strokes ask for together: of the selected strokes first, then of the last painted ones.
 
     Attributes:
         cards: in the order of the panel.
@@ -30,8 +33,10 @@ class UnderstandingPanel(QWidget):
         super().__init__(parent)
         self._document, self._easel, self._explaining = document, easel, explaining
         self.cards: list[UnderstandingCard] = []
+        sharp = min(self.devicePixelRatioF(), SHARPEST)
+        explaining.preview_size = round(PREVIEW[0] * sharp), round(PREVIEW[1] * sharp)
         self._layout = QVBoxLayout(self)
-        self._layout.setContentsMargins(8, 8, 8, 8)
+        self._layout.setContentsMargins(6, 6, 6, 6)
         self._layout.setSpacing(8)
         self._said = QLabel()
         self._said.setWordWrap(True)
@@ -74,7 +79,7 @@ class UnderstandingPanel(QWidget):
     def _fill(self) -> None:
         explaining = self._explaining
         shown_now = tuple(c.group for c in self.cards)
-        wanted = tuple(sorted(explaining.groups, key=self._order))
+        wanted = tuple(sorted(explaining.groups, key=self._order))[:MOST_CARDS]
         if shown_now != wanted or self.sender() is None:
             self._make_cards(wanted)
         for card in self.cards:
@@ -82,9 +87,10 @@ class UnderstandingPanel(QWidget):
         self._say()
 
     def _order(self, group: Understood) -> int:
-        """Groups of the latest strokes first."""
+        """Groups of the strokes that are looked at first, then of the latest."""
         names = [s.name for s in self._document.strokes]
-        return -max((names.index(n) for n in group.strokes if n in names), default=0)
+        is_first = bool(set(group.strokes) & set(self._explaining.looked_at))
+        return -max((names.index(n) for n in group.strokes if n in names), default=0) - is_first * len(names)
 
     def _make_cards(self, groups: Sequence[Understood]) -> None:
         for card in self.cards:

@@ -86,9 +86,10 @@ class Window(QMainWindow):
         self.statusBar().addPermanentWidget(self._progress)
         self.stage_panel, self.brush_panel = StagePanel(self.document), BrushPanel(self.document, self.easel)
         self.stage_panel.camera_chosen.connect(self.painting.look_through)
-        self.add_panel(words.STAGE_PANEL, self.stage_panel, LEFT)
+        left = self.add_panel(words.STAGE_PANEL, self.stage_panel, LEFT)
         self.add_panel(words.BRUSH_PANEL, self.brush_panel, LEFT)
         self._add_panels_of_strokes()
+        self.resizeDocks([left], [330], Qt.Orientation.Horizontal)
 
     def _add_panels_of_strokes(self) -> None:
         document, easel, canvas = self.document, self.easel, self.painting.canvas
@@ -109,7 +110,7 @@ class Window(QMainWindow):
             self.tabifyDockWidget(below, self.add_panel(title, panel, RIGHT))
         below.raise_()
         self.resizeDocks([above, below], [600, 340], Qt.Orientation.Vertical)
-        self.resizeDocks([above, below], [370, 370], Qt.Orientation.Horizontal)
+        self.resizeDocks([above, below], [350, 350], Qt.Orientation.Horizontal)
 
     def add_panel(self, title: str, panel: QWidget, area: Qt.DockWidgetArea) -> QDockWidget:
         """Adds a panel at a side; returns its dock."""

@@ -6,7 +6,17 @@ import numpy as np
 import pytest
 
 from hydra_viewer.model.document import Document
-from hydra_viewer.model.stroke_edits import changed, chosen, deleted, described, moved, placed, recolored, toggled
+from hydra_viewer.model.stroke_edits import (
+    changed,
+    chosen,
+    deleted,
+    described,
+    is_same_paint,
+    moved,
+    placed,
+    recolored,
+    toggled,
+)
 from usdslf import Stroke
 
 ONES = np.ones((2, 3), np.float32)
@@ -48,6 +58,12 @@ def test_what_a_stroke_means_is_changed_and_asked_anew() -> None:
     assert (red[0].colors == np.float32([0.5, 0.1, 0.0])).all() and red[0].choice == "" and red[1] is B
 
 
+def test_a_choice_leaves_the_paint_the_same() -> None:
+    assert is_same_paint(A, chosen(ALL, "a", "specular")[0])
+    assert not is_same_paint(A, recolored(ALL, "a", (0.5, 0.5, 0.5))[0])
+    assert not is_same_paint(A, changed(ALL, "a", strength=0.5)[0])
+
+
 def test_a_stroke_without_a_source_does_not_become_a_clone() -> None:
     assert changed(ALL, "a", tool="clone")[0] is A
     assert changed(ALL, "a", tool="fixate")[0].tool == "fixate"
@@ -56,7 +72,7 @@ def test_a_stroke_without_a_source_does_not_become_a_clone() -> None:
 def test_a_line_says_what_is_not_as_usual() -> None:
     assert described(A) == "replace"
     edited = changed(ALL, "a", tool="darken", strength=0.3, mode="indirect")
-    assert described(chosen(edited, "a", "specular")[0]) == "darken, indirect, 30 %, as specular"
+    assert described(edited[0]) == "darken, indirect, 30 %"
 
 
 def test_each_edit_is_one_step_of_undo() -> None:

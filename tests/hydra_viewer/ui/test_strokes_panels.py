@@ -101,6 +101,7 @@ def test_a_sentence_and_pictures_come_and_a_click_takes_another_explanation(firs
     assert not w.understanding_panel.sentences  # it is looked for
     first.until_understood()
     (card,) = w.understanding_panel.cards
+    assert all(tile.has_picture or not tile.isEnabled() for tile in card.tiles.values())  # they are the same
     assert card.group.chosen is not None and card.group.chosen.id == other.alternative.id
     assert card.group.is_chosen_by_hand
     QTest.mouseClick(card.let_decide, LEFT)
@@ -141,7 +142,9 @@ def test_the_list_of_strokes_is_worked_with_keys_alone(first: Artist) -> None:
     first.until_understood()
     assert tree.topLevelItemCount() == 2 and w.understanding_panel.cards[0].group.strokes == ("stroke_0002",)
     tree.setFocus()
-    tree.setCurrentItem(tree.topLevelItem(1))
+    tree.setCurrentItem(tree.topLevelItem(0))
+    assert w.understanding_panel.cards[0].group.strokes == ("stroke_0001",)  # what is selected is explained first
+    first.press(Qt.Key.Key_Down, on=tree)
     first.press(Qt.Key.Key_Space, on=tree)
     assert [s.active for s in w.document.strokes] == [True, False]
     first.until_understood()
