@@ -1,7 +1,7 @@
 """Compare layer: the picture beside another one: wiped, or the difference of both.
 
-The other picture is made by a second viewport of the same kind, so that it is what that renderer shows; it is there as
-long as something is compared.
+The other picture is made by a second viewport of the same kind, so that it is what that renderer shows.  It is there
+once something was compared, and rests while nothing is: to end its thread would keep people waiting.
 """
 
 from __future__ import annotations
@@ -88,7 +88,8 @@ class CompareLayer(QObject):
     """Shows on a canvas what a Comparison says.
 
     Attributes:
-        other: the second viewport; None: nothing is beside the picture.
+        other: the second viewport; None: nothing was compared yet.
+        is_beside: it shows something.
         handle: the line of the wipe.
     """
 
@@ -96,7 +97,8 @@ class CompareLayer(QObject):
         super().__init__(canvas)
         self._document, self._easel, self._comparison, self._canvas = document, easel, comparison, canvas
         self.other: Viewport | None = None
-        self._kind = canvas.kind
+        self._now = canvas.viewport
+        self._stage, self.is_beside = "", False
         self._shows: tuple[Found | None] | None = None
         self._is_there = False  # the other picture
         self._clip, self.handle = QWidget(canvas), _Handle(comparison, canvas)
@@ -109,7 +111,7 @@ class CompareLayer(QObject):
         canvas.installEventFilter(self)
         comparison.changed.connect(self._update)
         document.found_changed.connect(self._update)
-        document.shot_changed.connect(comparison.clear)
+        document.shot_changed.connect(self._on_shot_changed)
         easel.view_changed.connect(self._show_view)
         easel.display_changed.connect(self._show_display)
 
@@ -117,35 +119,49 @@ class CompareLayer(QObject):
         """Keeps its places when the canvas has another size."""
         if event.type() == QEvent.Type.Resize:
             self._lay_out()
+        elif event.type() == QEvent.Type.ChildAdded and self.other is not None:
+            QTimer.singleShot(0, self, self._update)  # it may be another viewport
         return False
 
     # ── what is shown ──────────────────────────────────────────────────────────────────────────
 
+    def _on_shot_changed(self) -> None:
+        """Of another stage nothing is kept; at another frame of the same one looks are."""
+        stage, self._shows = self._document.files.stage, None
+        if stage == self._stage:
+            self._comparison.set(mode="now")
+        else:
+            self._stage = stage
+            self._comparison.clear()
+
     def _update(self) -> None:
         state, shot = self._comparison.state, self._document.shot
-        is_beside = shot is not None and state.mode in ("wipe", "difference")
+        self.is_beside = shot is not None and state.mode in ("wipe", "difference")
         self._canvas.show_instead(
             shown_of(shot, self._comparison.other) if shot is not None and state.mode == "other" else None
         )
-        if not is_beside or (self.other is not None and self._kind is not self._canvas.kind):
+        if self._now is not self._canvas.viewport:
             self._end()
-        if is_beside and shot is not None:
+        if self.is_beside and shot is not None:
             self._begin(shot)
+        elif self.other is not None and self._shows is not None:
+            self._shows = None
+            self.other.show_shot(None)
         self._lay_out()
 
     def _begin(self, shot: Shot) -> None:
         if self.other is None:
-            self._kind = self._canvas.kind
-            self.other = self._kind.make(self._clip)
+            self._now = self._canvas.viewport
+            self.other = self._canvas.kind.make(self._clip)
             self.other.widget.setAttribute(Qt.WidgetAttribute.WA_TransparentForMouseEvents)
-            self._is_there = False
             self.other.changed.connect(self._on_other_changed)
-            self._canvas.viewport.changed.connect(self._timer.start)
+            self._now.changed.connect(self._timer.start)
             self._show_display()
             self._lay_out()
             self.other.widget.show()
+        if self._shows is None:
+            self._is_there = False
             self._show_view()
-            self._shows = None
         if self._shows != (self._comparison.other,):
             self._shows = (self._comparison.other,)
             self.other.show_shot(shown_of(shot, self._comparison.other))
@@ -157,10 +173,10 @@ class CompareLayer(QObject):
         self._timer.start()
 
     def _end(self) -> None:
+        self._now, self._shows = self._canvas.viewport, None
         if self.other is None:
             return
         self._timer.stop()
-        self._canvas.viewport.changed.disconnect(self._timer.start)
         self.other.widget.hide()
         self.other.stop()
         self.other.widget.deleteLater()
@@ -171,7 +187,7 @@ class CompareLayer(QObject):
         self._end()
 
     def _show_view(self) -> None:
-        if self.other is not None and self._easel.view is not None:
+        if self.other is not None and self.is_beside and self._easel.view is not None:
             self.other.set_camera(self._easel.view.camera, self._easel.is_moving)
 
     def _show_display(self) -> None:
@@ -182,7 +198,7 @@ class CompareLayer(QObject):
 
     def _lay_out(self) -> None:
         state, w, h = self._comparison.state, self._canvas.width(), self._canvas.height()
-        is_wipe, is_difference = (self.other is not None and state.mode == m for m in ("wipe", "difference"))
+        is_wipe, is_difference = (self.is_beside and state.mode == m for m in ("wipe", "difference"))
         self._clip.setVisible(is_wipe or is_difference)
         self.handle.setVisible(is_wipe)
         self.difference.setVisible(is_difference)

@@ -188,7 +188,7 @@ def test_before_wipe_and_difference_are_a_key_away(first: Artist) -> None:
     corner = image.pixelColor(2, 2)
     assert on_red.lightness() > corner.lightness() + 40
     first.press(Qt.Key.Key_Backslash)
-    assert layer.other is None and w.comparison.state.mode == "other"
+    assert not layer.is_beside and not layer.handle.isVisible() and w.comparison.state.mode == "other"
     first.press(Qt.Key.Key_K)
     assert w.compare_panel.snapshots.count() == 1
     first.press(Qt.Key.Key_L)
