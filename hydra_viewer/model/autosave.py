@@ -53,13 +53,24 @@ class Autosave:
     def __init__(self, document: Document) -> None:
         self._document = document
         self._wanted: tuple[Shot, Files, Strokes] | None = None
-        self._is_working, self._is_paused = False, True
+        self._is_working, self._is_paused, self._is_stopped = False, True, False
+        self._thread: threading.Thread | None = None
         self._condition = threading.Condition()
         document.strokes_changed.connect(self._keep)
 
     def begin(self) -> None:
         """Keeps strokes from now on: what an earlier session left was looked at."""
         self._is_paused = False
+        if self._thread is None:  # not at the first stroke: a thread takes its time to start
+            self._thread = threading.Thread(target=self._work, name="viewer-autosave", daemon=True)
+            self._thread.start()
+
+    def stop(self) -> None:
+        """Keeps none any more, once all that was asked for is on the disk."""
+        self.flush()
+        with self._condition:
+            self._is_stopped = self._is_paused = True
+            self._condition.notify_all()
 
     def pause(self) -> None:
         """Keeps none until `begin`; what is there stays."""
@@ -84,20 +95,21 @@ class Autosave:
             return
         with self._condition:
             self._wanted = document.shot, document.files, document.strokes
-            if not self._is_working:
-                self._is_working = True
-                threading.Thread(target=self._work, name="viewer-autosave").start()
+            self._is_working = True
+            self._condition.notify_all()
 
     def _work(self) -> None:
         while True:
             with self._condition:
+                self._condition.wait_for(lambda: self._wanted is not None or self._is_stopped)
                 wanted, self._wanted = self._wanted, None
-                if wanted is None:
-                    self._is_working = False
-                    self._condition.notify_all()
-                    return
+            if wanted is None:
+                return
             shot, files, strokes = wanted
             path = autosave_path(files)
             with contextlib.suppress(UsdslfError, OSError):  # a disk that is full is said when the layer is saved
                 path.parent.mkdir(parents=True, exist_ok=True)
                 write_strokes(path, strokes, shot.source)
+            with self._condition:
+                self._is_working = self._wanted is not None
+                self._condition.notify_all()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import signal
+import sys
 from collections.abc import Callable, Mapping, Sequence
 from importlib import import_module
 from typing import Any
@@ -30,6 +31,7 @@ def make_application() -> QApplication:
     existing = QApplication.instance()
     if isinstance(existing, QApplication):
         return existing
+    sys.setswitchinterval(0.001)  # the main thread waits no longer for one that computes
     application = QApplication([words.TITLE])
     application.setApplicationName(words.TITLE)
     apply_theme(application)

@@ -63,6 +63,7 @@ class _Screen(QWidget):
         painter = QPainter(self)
         if self._image is None:
             painter.fillRect(event.rect(), self.palette().dark())
+            painter.end()
             return
         ratio = self.devicePixelRatioF()
         size = QSize(round(self.width() * ratio), round(self.height() * ratio))
@@ -72,6 +73,7 @@ class _Screen(QWidget):
             self._stretched = QPixmap.fromImage(whole)
             self._stretched.setDevicePixelRatio(ratio)
         painter.drawPixmap(0, 0, self._stretched)
+        painter.end()
 
     def resizeEvent(self, event: QResizeEvent) -> None:
         if self.resized is not None:

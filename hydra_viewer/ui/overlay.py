@@ -108,6 +108,7 @@ class Overlay(QWidget):
             self._draw_path(painter, self.path)
         if self._at is not None and self._easel.pointer == "paint":
             self._draw_brush(painter, view.camera, self._at)
+        painter.end()  # not when the frame goes, which a profiler may keep
 
     # ── strokes ────────────────────────────────────────────────────────────────────────────────
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import sys
 import threading
 import time
-import traceback
 from dataclasses import dataclass
 
 from PySide6.QtCore import QObject, QTimer
@@ -62,7 +61,15 @@ class Stalls(QObject):
     def _watch(self) -> None:
         while not self._is_stopped.wait(BEAT_MS / 1000):
             if time.perf_counter() - self._beat > STALL / 2 and not self._where:
-                frame = sys._current_frames().get(self._main)
-                lines = traceback.extract_stack(frame)[-12:] if frame is not None else []
-                own = [f"{s.filename.rpartition('/')[2]}:{s.lineno} {s.name}" for s in lines if "viewer" in s.filename]
-                self._where = " < ".join(reversed(own[-3:]))
+                self._where = _innermost(self._main)
+
+
+def _innermost(thread: int) -> str:
+    """The innermost lines of the viewer that a thread is in; keeps no frame, whose locals would live on."""
+    frame, own = sys._current_frames().get(thread), list[str]()
+    while frame is not None and len(own) < 3:
+        name = frame.f_code.co_filename
+        if "viewer" in name:
+            own.append(f"{name.rpartition('/')[2]}:{frame.f_lineno} {frame.f_code.co_name}")
+        frame = frame.f_back
+    return " < ".join(own)

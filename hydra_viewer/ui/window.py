@@ -180,4 +180,5 @@ class Window(QMainWindow):
             return
         self.compare_layer.stop()
         self.painting.stop()
+        self.filing.autosave.stop()
         super().closeEvent(event)
