@@ -6,6 +6,7 @@ from PySide6.QtCore import QRect, QRectF, QSize, Qt
 from PySide6.QtGui import QColor, QFontMetrics, QImage, QPainter, QPainterPath, QPaintEvent, QPen
 from PySide6.QtWidgets import QAbstractButton, QSizePolicy, QWidget
 
+from hydra_viewer.model.previews import Preview
 from hydra_viewer.model.understanding import Alternative
 from hydra_viewer.ui import panel_words as words
 from hydra_viewer.ui import theme
@@ -18,6 +19,7 @@ class AlternativeTile(QAbstractButton):
 
     Attributes:
         alternative: that it is of.
+        preview: whose picture it shows; None: none yet.
     """
 
     def __init__(self, alternative: Alternative, key: str = "", parent: QWidget | None = None) -> None:
@@ -28,6 +30,7 @@ class AlternativeTile(QAbstractButton):
         """
         super().__init__(parent)
         self.alternative, self._image, self._why_not = alternative, QImage(), ""
+        self.preview: Preview | None = None
         self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
         self.setCheckable(True)
         self.setChecked(alternative.is_chosen)

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 from PySide6.QtCore import QEvent, QItemSelectionModel, QSignalBlocker, Qt, QTimer, Signal
-from PySide6.QtGui import QDropEvent, QKeyEvent
+from PySide6.QtGui import QColor, QDropEvent, QIcon, QKeyEvent
 from PySide6.QtWidgets import (
     QAbstractItemView,
     QHBoxLayout,
@@ -19,6 +19,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
+from hydra_viewer.model.brush_color import shot_color, shown_colors
 from hydra_viewer.model.document import Document
 from hydra_viewer.model.easel import Easel
 from hydra_viewer.model.stroke_edits import changed, deleted, described, moved, placed, recolored, toggled
@@ -26,7 +27,7 @@ from hydra_viewer.ui import panel_words as words
 from hydra_viewer.ui.explaining import Explaining
 from hydra_viewer.ui.icons import icon
 from hydra_viewer.ui.stroke_fields import StrokeFields
-from hydra_viewer.ui.swatches import shown, swatch_icon
+from hydra_viewer.ui.swatches import swatch_icon
 from hydra_viewer.ui.words import tooltip
 from usdslf import Stroke
 
@@ -86,6 +87,7 @@ class StrokesPanel(QWidget):
     ) -> None:  # fmt: skip
         super().__init__(parent)
         self._document, self._easel, self._explaining = document, easel, explaining
+        self._known_icons: dict[str, QIcon] = {}
         self.tree, self.fields = self._make_tree(), StrokeFields(document, easel)
         self._empty, self._names = QLabel(words.NO_STROKES), tuple[str, ...]()
         layout = QVBoxLayout(self)
@@ -151,8 +153,8 @@ class StrokesPanel(QWidget):
         at = current.data(0, NAME) if current else ""
         with QSignalBlocker(self.tree):
             self.tree.clear()
-            for stroke in self._document.strokes:
-                item = self._row(stroke)
+            for stroke, icon_of_it in zip(self._document.strokes, self._icons()):
+                item = self._row(stroke, icon_of_it)
                 self.tree.addTopLevelItem(item)
                 item.setSelected(stroke.name in names)
                 if stroke.name == at:
@@ -162,18 +164,27 @@ class StrokesPanel(QWidget):
         self._say_understood()
         self._on_selected()
 
-    def _row(self, stroke: Stroke) -> QTreeWidgetItem:
+    def _icons(self) -> list[QIcon]:
+        """Of the rows: the colour that was painted, or the tool; colours are converted all at once."""
+        strokes, shot = self._document.strokes, self._document.shot
+        if shot is None or not strokes:
+            return [icon(s.tool) for s in strokes]
+        colors = shown_colors([s.colors.mean(0) for s in strokes], self._easel.display, shot_color(shot))
+        found = []
+        for stroke, color in zip(strokes, colors.tolist()):
+            name = QColor.fromRgbF(*color).name() if stroke.tool == "replace" else stroke.tool
+            if name not in self._known_icons:
+                self._known_icons[name] = swatch_icon(QColor(name)) if name.startswith("#") else icon(name)
+            found.append(self._known_icons[name])
+        return found
+
+    def _row(self, stroke: Stroke, icon_of_it: QIcon) -> QTreeWidgetItem:
         item = QTreeWidgetItem([described(stroke), ", ".join(p.rsplit("/", 1)[-1] for p in stroke.surfaces), ""])
         flags = Qt.ItemFlag.ItemIsEnabled | Qt.ItemFlag.ItemIsSelectable | Qt.ItemFlag.ItemIsUserCheckable
         item.setFlags(flags | Qt.ItemFlag.ItemIsDragEnabled)
         item.setCheckState(0, Qt.CheckState.Checked if stroke.active else Qt.CheckState.Unchecked)
         item.setData(0, NAME, stroke.name)
-        shot = self._document.shot
-        is_colored = stroke.tool in ("replace",)
-        if is_colored and shot is not None:
-            item.setIcon(0, swatch_icon(shown(stroke.colors.mean(0), shot, self._easel.display)))
-        else:
-            item.setIcon(0, icon(stroke.tool))
+        item.setIcon(0, icon_of_it)
         item.setToolTip(0, f"{stroke.name}: {described(stroke)}")
         item.setToolTip(1, "\n".join(stroke.surfaces))
         return item

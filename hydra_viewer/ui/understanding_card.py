@@ -36,6 +36,7 @@ class UnderstandingCard(QWidget):
     Attributes:
         group: what was understood.
         tiles: by id of the alternative.
+        has_keys: its alternatives have shortcuts.
         sentence: the line that says it.
         chosen: Signal(str): an explanation was clicked; "": the solver's own is wanted again.
         scope_chosen: Signal(str): how far the change is to go.
@@ -57,7 +58,7 @@ class UnderstandingCard(QWidget):
         """
         super().__init__(parent)
         self.setAttribute(Qt.WidgetAttribute.WA_StyledBackground)
-        self.group, self._shown, self._keys = group, shown, keys
+        self.group, self._shown, self.has_keys = group, shown, keys
         self.tiles: dict[str, AlternativeTile] = {}
         self.setObjectName("card")
         self.setStyleSheet("#card { background: #3f3f3f; border: 1px solid #303030; border-radius: 4px; }")
@@ -148,7 +149,7 @@ class UnderstandingCard(QWidget):
         grid.setSpacing(6)
         for n, alternative in enumerate(alternatives):
             number = len(self.tiles) + 1
-            key = f"Alt+{number}" if self._keys and number <= 4 else ""
+            key = f"Alt+{number}" if self.has_keys and number <= 4 else ""
             tile = AlternativeTile(alternative, key)
             tile.clicked.connect(lambda _=False, a=alternative: self._click(a))
             grid.addWidget(tile, n // 2, n % 2)
@@ -171,7 +172,7 @@ class UnderstandingCard(QWidget):
     def _add_dab_button(self) -> None:
         self.dab_button = QPushButton(words.NEXT_DAB[0])
         self.dab_button.setCheckable(True)
-        self.dab_button.setToolTip(tooltip(*words.NEXT_DAB, "N" if self._keys else ""))
+        self.dab_button.setToolTip(tooltip(*words.NEXT_DAB, "N" if self.has_keys else ""))
         self.dab_button.toggled.connect(self.dab_asked)
         self._layout.addWidget(self.dab_button)
 

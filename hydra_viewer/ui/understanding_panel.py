@@ -50,7 +50,7 @@ class UnderstandingPanel(QWidget):
         explaining.marks_changed.connect(self._show_marked)
         explaining.work_changed.connect(self._show_work)
         document.found_changed.connect(self._say)
-        easel.display_changed.connect(self._fill)
+        easel.display_changed.connect(lambda: self._make_cards(tuple(c.group for c in self.cards), is_kept=False))
         self._fill()
 
     def _progress_row(self) -> QWidget:
@@ -80,8 +80,8 @@ class UnderstandingPanel(QWidget):
         explaining = self._explaining
         shown_now = tuple(c.group for c in self.cards)
         wanted = tuple(sorted(explaining.groups, key=self._order))[:MOST_CARDS]
-        if shown_now != wanted or self.sender() is None:
-            self._make_cards(wanted)
+        if shown_now != wanted:
+            self._make_cards(wanted, is_kept=True)
         for card in self.cards:
             card.setEnabled(explaining.is_current)
         self._say()
@@ -92,13 +92,21 @@ class UnderstandingPanel(QWidget):
         is_first = bool(set(group.strokes) & set(self._explaining.looked_at))
         return -max((names.index(n) for n in group.strokes if n in names), default=0) - is_first * len(names)
 
-    def _make_cards(self, groups: Sequence[Understood]) -> None:
-        for card in self.cards:
-            self._layout.removeWidget(card)
-            card.hide()
-            card.deleteLater()
-        self.cards = []
+    def _make_cards(self, groups: Sequence[Understood], is_kept: bool) -> None:
+        """Makes cards.
+
+        Args:
+            is_kept: those that say the same already stay; False: the screen shows colours otherwise.
+        """
+        before, self.cards = self.cards, []
         for number, group in enumerate(groups):
+            same = next((c for c in before if c.group == group and c.has_keys == (number == 0)), None)
+            if same is not None and is_kept:  # most cards stay as they are
+                before.remove(same)
+                self._layout.removeWidget(same)
+                self._layout.insertWidget(2 + number, same)
+                self.cards.append(same)
+                continue
             card = UnderstandingCard(group, self._shown, keys=number == 0)
             card.chosen.connect(lambda id_, g=group: self._explaining.choose(g, id_))
             card.scope_chosen.connect(lambda scope, g=group: self._explaining.set_scope(g, scope))
@@ -106,7 +114,11 @@ class UnderstandingPanel(QWidget):
             card.dab_asked.connect(lambda is_asked, g=group: self._ask_dab(g, is_asked))
             self._layout.insertWidget(2 + number, card)
             self.cards.append(card)
-        for (number, id_) in self._explaining.previews:
+        for card in before:
+            self._layout.removeWidget(card)
+            card.hide()
+            card.deleteLater()
+        for number, id_ in self._explaining.previews:
             self._show_preview(number, id_)
         self._show_effects()
         self._show_marked()
@@ -126,13 +138,14 @@ class UnderstandingPanel(QWidget):
     def _card_of(self, number: int) -> UnderstandingCard | None:
         groups = self._explaining.groups
         group = groups[number] if number < len(groups) else None
-        return next((c for c in self.cards if c.group is group), None)
+        return next((c for c in self.cards if c.group == group), None)
 
     def _show_preview(self, number: int, id_: str) -> None:
         card, shot = self._card_of(number), self._document.shot
         tile, preview = card.tiles.get(id_) if card else None, self._explaining.previews.get((number, id_))
-        if tile is None or preview is None or shot is None:
+        if tile is None or preview is None or shot is None or tile.preview is preview:
             return
+        tile.preview = preview
         if preview.picture is None:
             tile.forbid(preview.why_not)
         else:
