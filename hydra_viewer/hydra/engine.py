@@ -58,8 +58,8 @@ class Engine:
         if delegate and not self._engine.SetRendererPlugin(delegate):
             self.problem = f"the render delegate {delegate} cannot be used here; another one is"
         self.delegate = str(self._engine.GetCurrentRendererId())
-        if self.delegate != STORM:  # Storm draws into the framebuffer itself; by way of an AOV it blurs what it drew
-            self._engine.SetRendererAov("color")
+        # Without an AOV Storm draws no dome; on software OpenGL it comes a little soft (an anisotropic sampler).
+        self._engine.SetRendererAov("color")
 
     def draw(
         self, scene: Scene, camera: Camera, size: tuple[int, int], refine: int = 1,
@@ -96,6 +96,7 @@ class Engine:
     def release(self) -> None:
         """Gives back what it holds of OpenGL; its context is current, and nothing is called afterwards."""
         del self._engine
+        self.live.close()
 
 
 def depth_range(scene: Scene, camera: Camera) -> tuple[float, float]:

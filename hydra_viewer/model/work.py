@@ -10,7 +10,8 @@ Each yields how far it is, and what is whole already; it returns its result.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Generator, Mapping
+import time
+from collections.abc import Callable, Generator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -35,6 +36,7 @@ from usdslf import (
 )
 
 _numbers = itertools.count(1)
+WAIT = 0.01  # seconds between looks whether a stage is read
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,15 +114,21 @@ def _look_of(shot: Shot, files: Files) -> Found | None:
     return Found((), Solution(), Look(files.look, (), Solution()), edited, is_lit=True)
 
 
-def reopening(shot: Shot, files: Files, options: Mapping[str, Any]) -> Generator[Progress, None, Opened]:
-    """Opens a shot anew whose files have changed; nothing else may be reading it.
+def reopening(
+    shot: Shot, files: Files, options: Mapping[str, Any], is_read: Callable[[], bool]
+) -> Generator[Progress, None, Opened]:
+    """Opens a shot anew whose files have changed.
 
     Args:
         shot: as it was.
         files, options: as of `opening`.
+        is_read: whether something is still reading its stage; that is waited for.
     """
+    while is_read():
+        yield Progress("read", 0.0)
+        time.sleep(WAIT)
     reload_stage(shot.source)
-    return opening(replace(files, strokes="", look=""), options)
+    return (yield from opening(replace(files, strokes="", look=""), options))
 
 
 def make_ready(shot: Shot) -> None:

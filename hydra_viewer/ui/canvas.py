@@ -8,6 +8,7 @@ B + left                change the brush's size;  Shift + left  a straight line
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -71,7 +72,7 @@ class Canvas(QWidget):
         self._shows: NDArray[np.int32] | None = None  # which mesh each of some pixels shows
         self._gesture: Gesture | None = None
         self._is_resizing_key_down = False
-        self._is_held = False
+        self._is_held = self._has_let_go = False
         self._instead: Shown | None = None
         self.setMinimumSize(320, 180)
         self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
@@ -119,6 +120,8 @@ class Canvas(QWidget):
     def hold(self, is_held: bool) -> None:
         """Leaves the processor to other work; see `Viewport.hold`."""
         self._is_held = is_held
+        if self._has_let_go and not is_held:
+            self._show_shot()
         self.viewport.hold(is_held)
 
     def _on_shot_changed(self) -> None:
@@ -132,6 +135,7 @@ class Canvas(QWidget):
             self._show_shot()
 
     def _show_shot(self) -> None:
+        self._has_let_go = False
         shot, found = self.document.shot, self.document.found
         if shot is None:
             self.viewport.show_shot(None)
@@ -143,6 +147,16 @@ class Canvas(QWidget):
         else:
             self.viewport.show_shot(Shown(shot, found.shot, found.look.path, found.is_lit))
         self.overlay.update()
+
+    def let_go(self) -> Callable[[], bool]:
+        """Lets the viewport give back the stage until a shot is shown, or all work is done.
+
+        Returns: a function that says whether the stage may still be read.
+        """
+        viewport = self.viewport
+        self._has_let_go = True
+        viewport.let_go()
+        return lambda: viewport.holds_stage
 
     def _show_view(self) -> None:
         if self.easel.view is not None:

@@ -70,7 +70,8 @@ class Filing(QObject):
         """Reads the shot anew from the disk; strokes stay, and are put on it again."""
         shot, files = self._document.shot, self._document.files
         if shot is not None:
-            steps = lambda: reopening(shot, files, self._options)  # noqa: E731
+            is_read = self._painting.canvas.let_go()
+            steps = lambda: reopening(shot, files, self._options, is_read)  # noqa: E731
             self._worker.start(Job("open", steps, self._take_again, self._fail, is_alone=True))
 
     def _take(self, opened: Opened) -> None:

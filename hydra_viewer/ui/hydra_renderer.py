@@ -82,7 +82,11 @@ class Drawn:
 
 
 class HydraRenderer(QObject):
-    """Draws what is wished for; made and called on the main thread."""
+    """Draws what is wished for; made and called on the main thread.
+
+    Attributes:
+        holds_stage: the thread may be reading the stage of the shot.
+    """
 
     drawn = Signal(object)  # a Drawn
     failed = Signal(str)
@@ -101,6 +105,7 @@ class HydraRenderer(QObject):
         self._wished = threading.Condition()
         self._wish, self._is_stopped = Wish(), False
         self._thread: threading.Thread | None = None
+        self.holds_stage = False
         if (app := QCoreApplication.instance()) is not None:
             app.aboutToQuit.connect(self.finish)
 
@@ -145,12 +150,18 @@ class HydraRenderer(QObject):
         finally:
             if drawing is not None:
                 drawing.release()
+            self.holds_stage = False
             context.doneCurrent()
             self.ended.emit()
 
     def _follow_wishes(self, drawing: _Drawing) -> None:
         last: Wish | None = None
         while (wish := self._next(last, drawing.share)) is not None:
+            last = wish
+            if wish.shown is None:
+                drawing.let_go()
+                self.holds_stage = False
+                continue
             try:
                 drawn = drawing.draw(wish)
             except UsdslfError as error:
@@ -158,14 +169,17 @@ class HydraRenderer(QObject):
                 drawing.share = 1.0
             else:
                 self.drawn.emit(drawn)
-            last = wish
 
     def _next(self, last: Wish | None, share: float) -> Wish | None:
         """Waits for what is to be drawn: another wish, or the last one where it gets better; None: stop."""
         with self._wished:
             while not self._is_stopped:
                 wish = self._wish
-                if wish.is_complete and (wish is not last or (share < 1 and not wish.is_held)):
+                is_new = wish is not last
+                if wish.is_complete and (is_new or (share < 1 and not wish.is_held)):
+                    self.holds_stage = True
+                    return wish
+                if is_new and wish.shown is None and self.holds_stage:
                     return wish
                 self._wished.wait()
         return None
@@ -198,10 +212,15 @@ class _Drawing:
         share = 0.0 if wish.is_moving else self.share
         return Drawn(wish, image, self.picture.pixels(), share, engine.delegate, "; ".join(notes))
 
-    def release(self) -> None:
-        """Gives back all; the context is current."""
+    def let_go(self) -> None:
+        """Gives back the stage and what draws it; the context is current."""
         if self._engine is not None:
             self._engine.release()
+        self._engine, self._last = None, Wish()
+
+    def release(self) -> None:
+        """Gives back all; the context is current."""
+        self.let_go()
         self.picture.release()
 
     def _engine_of(self, wish: Wish) -> Engine:
@@ -215,6 +234,9 @@ class _Drawing:
                 self._engine.release()
             self._engine, before = Engine(live, wish.delegate), None
             self._notes += [s for s in (live.note, self._engine.problem) if s]
+            plain = [x.path for x in shown.shot.scene.lights if x.kind == "dome" and x.texture is None]
+            if plain and self._engine.delegate == STORM:
+                self._notes.append(words.dome_without_picture(plain))
         if before is not shown and (before is None or (before.look, before.edited) != (shown.look, shown.edited)):
             self._engine.live.show(shown.look)
         return self._engine

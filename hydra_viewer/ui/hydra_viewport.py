@@ -92,6 +92,15 @@ class HydraViewport(QObject):
             self._drawn = None
             self.widget.show_image(QImage())
 
+    def let_go(self) -> None:
+        """Gives back the stage; the picture stays."""
+        self._renderer.ask(lambda w: replace(w, shown=None))
+
+    @property
+    def holds_stage(self) -> bool:
+        """Whether the thread may be reading the stage."""
+        return self._renderer.holds_stage
+
     def set_camera(self, camera: Camera, is_moving: bool) -> None:
         """Looks through a camera."""
         self._renderer.ask(lambda w: replace(w, camera=camera, is_moving=is_moving))

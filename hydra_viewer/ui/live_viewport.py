@@ -113,6 +113,13 @@ class LiveViewport(QObject):
             self._screen.show_image(None)
         self._want(shown=shown)
 
+    def let_go(self) -> None:
+        """It reads no stage."""
+
+    @property
+    def holds_stage(self) -> bool:
+        return False
+
     def set_camera(self, camera: Camera, is_moving: bool) -> None:
         self._want(camera=camera, is_moving=is_moving)
 

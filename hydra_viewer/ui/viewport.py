@@ -66,6 +66,13 @@ class Viewport(Protocol):
     def show_shot(self, shown: Shown | None) -> None:
         """Shows a shot, or another state of the one that it shows; None: nothing."""
 
+    def let_go(self) -> None:
+        """Gives back the stage of the shot, which is to be read anew; the picture stays until another shot comes."""
+
+    @property
+    def holds_stage(self) -> bool:
+        """Whether a thread of it may be reading the stage of the shot."""
+
     def set_camera(self, camera: Camera, is_moving: bool) -> None:
         """Looks through a camera.
 

@@ -76,6 +76,11 @@ def usdview_without_qt(error: ImportError) -> str:
     return f"usdslf: the painting window needs PySide6 (pip install 'usdslf[viewer]'): {error}"
 
 
+def dome_without_picture(paths: list[str]) -> str:
+    """Returns what Storm does not show of domes, by their paths."""
+    return f"Storm neither shines with domes that have no texture nor shows them: {', '.join(paths)}"
+
+
 def no_hydra(pxr: str, error: ImportError) -> str:
     """Returns why Hydra cannot be used although it is installed."""
     return f"{pxr} cannot be loaded ({error}): the built-in viewport is used"

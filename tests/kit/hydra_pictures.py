@@ -20,6 +20,7 @@ CHOICE = choose_pxr()
 
 from kit.hydra_colors import GLOW  # noqa: E402
 from kit.stage_parts import StageBuilder, ball, box, torus  # noqa: E402
+from kit.stage_textures import write_image  # noqa: E402
 from pxr import Gf, UsdGeom  # noqa: E402
 from PySide6.QtGui import QImage, QOffscreenSurface, QOpenGLContext  # noqa: E402
 from PySide6.QtWidgets import QWidget  # noqa: E402
@@ -80,6 +81,24 @@ def lit(folder: Path) -> Path:
     return b.save()
 
 
+def dark(folder: Path) -> Path:
+    """A white wall without light."""
+    b = StageBuilder(folder)
+    b.mesh("wall", box(4, 4, 0.1), b.material("white", diffuseColor=(1.0, 1.0, 1.0), roughness=1.0))
+    b.camera((0, 2, 3), (0, 2, 0))
+    return b.save()
+
+
+def under_sky(folder: Path) -> Path:
+    """A small box below a blue dome."""
+    b = StageBuilder(folder)
+    b.mesh("box", box(0.2, 0.2, 0.2), b.material("grey", diffuseColor=(0.4, 0.4, 0.4)))
+    write_image(folder / "sky.exr", np.full((16, 32, 3), (0.2, 0.4, 0.8), np.float32))
+    b.dome_light("sky", 1.0, texture="sky.exr")
+    b.camera((0, 0.1, 2), (0, 0.1, 0))
+    return b.save()
+
+
 def shot_of(write: Callable[..., Path], folder: Path, *arguments: float) -> Shot:
     folder.mkdir()
     return Shot.open(str(write(folder, *arguments)))
@@ -118,6 +137,14 @@ def geometry(folder: Path) -> dict[str, np.ndarray]:
             picture.add(1)
             out[f"{place} {name} drawn"], out[f"{place} {name} traced"] = picture.pixels(), traced(shot, camera)
         out[f"{place} origin"] = np.array(shot.scene.origin)
+        engine.release()
+    for name, write in (("sky", under_sky), ("dark", dark)):
+        shot = shot_of(write, folder / name)
+        engine = Engine(LiveStage.of(shot.stage, shot.scene))
+        with picture.linear():
+            engine.draw(shot.scene, shot.camera(), SIZE)
+        picture.add(1)
+        out[name] = picture.pixels()
         engine.release()
     picture.release()
     return out

@@ -68,6 +68,16 @@ class Hand:
             QApplication.sendEvent(canvas, QMouseEvent(QEvent.Type.MouseMove, at, away, none, LEFT, held))
         QTest.mouseRelease(canvas, LEFT, held, points[-1])
 
+    def reloaded(self) -> np.ndarray:
+        """Reads the shot anew; returns the Hydra viewport's picture at rest."""
+        viewport = self.canvas.viewport
+        shot = self.window.document.shot
+        self.window.filing.reload()
+        self.wait(lambda: self.window.document.shot is not shot)
+        self.solved()
+        self.wait(lambda: viewport._drawn.wish is viewport._renderer._wish and viewport._drawn.share >= 1)
+        return np.array(viewport.pixels())
+
     def solved(self) -> None:
         self.wait(lambda: self.window.document.is_solved and self.window.worker.is_idle)
 
@@ -100,6 +110,14 @@ def work(folder: Path) -> dict[str, np.ndarray]:
     out["painted"] = hand.picture(paint)
     out["sentence"] = np.array("\n".join(window.understanding_panel.sentences))
     out["undone"] = hand.picture(lambda: (window.document.undo(), hand.solved()))
+    sunlit = stage.read_text().replace("inputs:intensity = 8", "inputs:intensity = 16")
+    assert sunlit.encode() != before
+    stage.write_text(sunlit)  # by another program
+    out["brighter"] = hand.reloaded()
+    stage.write_bytes(before)
+    out["as before"] = hand.reloaded()
+    window.bar.hide()
+    hand.wait(lambda: hand.canvas.viewport.pixels().shape == out["undone"].shape)
     out["done again"] = hand.picture(lambda: (window.document.redo(), hand.solved()))
     window.filing.save()
     hand.wait(lambda: window.document.is_saved and window.worker.is_idle)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
+import OpenImageIO
 import pytest
 from kit.stage_parts import StageBuilder, ball
 from pxr import Sdf, Tf, Usd, UsdLux, UsdShade
@@ -93,7 +95,11 @@ def test_a_shot_without_light_gets_the_stated_default_and_says_so(tmp_path: Path
     assert kinds == {"DomeLight", "DistantLight"} and "no light" in live.note
     dome = UsdLux.DomeLight(live.stage.GetPrimAtPath(f"{LIGHTS}/dome"))
     assert dome.GetIntensityAttr().Get() == pytest.approx(0.35)
+    white = OpenImageIO.ImageBuf(dome.GetTextureFileAttr().Get().path).get_pixels()
+    assert white.shape[:2] == (2, 4) and np.allclose(white[..., :3], 1)
     assert not dark.GetPrimAtPath(LIGHTS)
+    live.close()
+    assert not Path(dome.GetTextureFileAttr().Get().path).exists()
 
 
 def test_a_lit_shot_keeps_its_light(shot: Usd.Stage) -> None:
@@ -109,3 +115,16 @@ def test_a_look_that_cannot_be_read_leaves_what_was_there(shot: Usd.Stage, tmp_p
         with pytest.raises(InputError, match=words):
             live.show(tmp_path / name)
     assert tuple(value(live.stage, "diffuseColor")) == (0.75, 0, 0)
+
+
+def test_bindings_without_their_schema_are_bindings_all_the_same(tmp_path: Path) -> None:
+    path = write_ball(tmp_path, True)
+    path.write_text(path.read_text().replace('prepend apiSchemas = ["MaterialBindingAPI"]', ""))
+    plain = open_stage(path)
+    assert not plain.GetPrimAtPath("/World/ball").HasAPI(UsdShade.MaterialBindingAPI)
+    live = LiveStage.of(plain, read_scene(plain))
+    ball_of_live = live.stage.GetPrimAtPath("/World/ball")
+    assert ball_of_live.HasAPI(UsdShade.MaterialBindingAPI)
+    found, _ = UsdShade.MaterialBindingAPI(ball_of_live).ComputeBoundMaterial()
+    assert found.GetPath() == "/World/mtl/red"
+    assert not plain.GetPrimAtPath("/World/ball").HasAPI(UsdShade.MaterialBindingAPI)

@@ -4,8 +4,8 @@
         .show(look)                 what the look layer of a file says from now on; "" for nothing
 
 The shot's own layers are never written to.  The content of the layer is replaced rather than the layer: who listens to
-the stage (Hydra) hears of the opinions that differ, and composes nothing else anew.  Where the shot has no
-light that a rasterizer can shine with, the program's stated default lights lie beneath the look.
+the stage (Hydra) hears of the opinions that differ, and composes nothing else anew.  Beneath the look lie, where the
+shot lacks them: the program's stated default lights, and the schema that Hydra asks for on prims that bind materials.
 
 Whoever draws the stage calls this on the same thread: a Usd.Stage must not be read while it is changed.
 """
@@ -13,10 +13,12 @@ Whoever draws the stage calls this on the same thread: a Usd.Stage must not be r
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
-from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux, UsdUtils
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux, UsdShade, UsdUtils
 
 from usdslf.errors import InputError
 from usdslf.lights.defaults import default_lights
@@ -25,6 +27,8 @@ from usdslf.scene.records import Light, Scene
 from usdslf.usd.border import quiet_usd, reading
 from usdslf.usd.layer.wins import compose_over
 
+# 4 x 2 pixels of radiance 1, as a Radiance picture.
+WHITE = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 2 +X 4\n" + bytes((128, 128, 128, 129)) * 8
 LIGHTS = "/usdslf_default_lights"  # prim of the default lights; a shot has nothing of that name
 
 
@@ -36,11 +40,13 @@ class LiveStage:
         stage: Usd.Stage of both; it belongs to whoever draws it.
         note: a sentence on the light that was added, "" where the shot's own shines.
         layer: Sdf.Layer in memory that holds the look.
+        folder: of the picture of the default dome, for as long as the stage is drawn.
     """
 
     stage: Usd.Stage
     note: str
     layer: Sdf.Layer
+    folder: TemporaryDirectory[str] | None = field(default=None, repr=False)
 
     @staticmethod
     def of(stage: Usd.Stage, scene: Scene) -> LiveStage:
@@ -50,12 +56,20 @@ class LiveStage:
             stage: of the shot; it is not changed.
             scene: what was read of it: says whether something shines.
         """
-        layer, note = Sdf.Layer.CreateAnonymous("look.usda"), ""
+        layer, note, folder = Sdf.Layer.CreateAnonymous("look.usda"), "", None
         with quiet_usd():
+            if (bindings := _undeclared_bindings(stage)) is not None:
+                stage = compose_over(stage, bindings)
             if not scene.lights:
                 lights, note = default_lights(scene)
-                stage = compose_over(stage, _layer_of(lights))
-            return LiveStage(compose_over(stage, layer), note, layer)
+                folder = TemporaryDirectory(prefix="usdslf-light-", ignore_cleanup_errors=True)
+                stage = compose_over(stage, _layer_of(lights, Path(folder.name)))
+            return LiveStage(compose_over(stage, layer), note, layer, folder)
+
+    def close(self) -> None:
+        """Removes what was written for it; nothing draws it any more."""
+        if self.folder is not None:
+            self.folder.cleanup()
 
     def show(self, look: str | os.PathLike[str] = "") -> None:
         """Puts the content of a look layer over the shot, in place of what was there.
@@ -86,8 +100,25 @@ def _anchored(path: str, folder: str) -> str:
     return os.path.normpath(os.path.join(folder, path)).replace(os.sep, "/") if is_relative else path
 
 
-def _layer_of(lights: tuple[Light, ...]) -> Sdf.Layer:
-    """A layer that holds a distant and a dome light of even radiance."""
+def _undeclared_bindings(stage: Usd.Stage) -> Sdf.Layer | None:
+    """A layer that applies MaterialBindingAPI to prims that bind a material without it; None where all have it.
+
+    Older files bind without, programs read them all the same, and so does this one; Hydra would show no material.
+    """
+    layer = Sdf.Layer.CreateAnonymous("bindings.usda")
+    with Sdf.ChangeBlock():
+        for prim in stage.Traverse():
+            binds = any(r.GetName().startswith("material:binding") for r in prim.GetAuthoredRelationships())
+            if binds and not prim.HasAPI(UsdShade.MaterialBindingAPI):
+                spec = Sdf.CreatePrimInLayer(layer, prim.GetPath())
+                spec.SetInfo("apiSchemas", Sdf.TokenListOp.Create(prependedItems=["MaterialBindingAPI"]))
+    return None if layer.empty else layer
+
+
+def _layer_of(lights: tuple[Light, ...], folder: Path) -> Sdf.Layer:
+    """A layer that holds a distant and a dome light of even radiance; Storm shines with domes that have a picture."""
+    white = folder / "white.hdr"
+    white.write_bytes(WHITE)
     layer = Sdf.Layer.CreateAnonymous("default_lights.usda")
     stage = Usd.Stage.Open(layer)
     UsdGeom.Scope.Define(stage, LIGHTS)
@@ -95,6 +126,8 @@ def _layer_of(lights: tuple[Light, ...]) -> Sdf.Layer:
         path = f"{LIGHTS}/{light.kind}"
         made = (UsdLux.DomeLight if light.kind == "dome" else UsdLux.DistantLight).Define(stage, path)
         made.CreateIntensityAttr(float(light.radiance[0]))
+        if light.kind == "dome":
+            made.CreateTextureFileAttr(white.as_posix())
         if light.kind == "distant":
             made.CreateAngleAttr(float(np.degrees(light.angle)))
         UsdGeom.Xformable(made).AddTransformOp().Set(Gf.Matrix4d(light.world_from_light.T.tolist()))
