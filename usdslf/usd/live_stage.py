@@ -27,8 +27,6 @@ from usdslf.scene.records import Light, Scene
 from usdslf.usd.border import quiet_usd, reading
 from usdslf.usd.layer.wins import compose_over
 
-# 4 x 2 pixels of radiance 1, as a Radiance picture.
-WHITE = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 2 +X 4\n" + bytes((128, 128, 128, 129)) * 8
 LIGHTS = "/usdslf_default_lights"  # prim of the default lights; a shot has nothing of that name
 
 
@@ -117,18 +115,25 @@ def _undeclared_bindings(stage: Usd.Stage) -> Sdf.Layer | None:
 
 def _layer_of(lights: tuple[Light, ...], folder: Path) -> Sdf.Layer:
     """A layer that holds a distant and a dome light of even radiance; Storm shines with domes that have a picture."""
-    white = folder / "white.hdr"
-    white.write_bytes(WHITE)
+    picture = folder / "dome.hdr"
     layer = Sdf.Layer.CreateAnonymous("default_lights.usda")
     stage = Usd.Stage.Open(layer)
     UsdGeom.Scope.Define(stage, LIGHTS)
     for light in lights:
         path = f"{LIGHTS}/{light.kind}"
         made = (UsdLux.DomeLight if light.kind == "dome" else UsdLux.DistantLight).Define(stage, path)
-        made.CreateIntensityAttr(float(light.radiance[0]))
-        if light.kind == "dome":
-            made.CreateTextureFileAttr(white.as_posix())
+        made.CreateIntensityAttr(1.0 if light.kind == "dome" else float(light.radiance[0]))
+        if light.kind == "dome":  # which is seen without its intensity
+            picture.write_bytes(_radiance_picture(light.radiance[0]))
+            made.CreateTextureFileAttr(picture.as_posix())
         if light.kind == "distant":
             made.CreateAngleAttr(float(np.degrees(light.angle)))
         UsdGeom.Xformable(made).AddTransformOp().Set(Gf.Matrix4d(light.world_from_light.T.tolist()))
     return layer
+
+
+def _radiance_picture(radiance: float) -> bytes:
+    """A Radiance picture, 4 x 2 pixels of a grey radiance."""
+    mantissa, exponent = np.frexp(radiance)
+    pixel = bytes([round(float(mantissa) * 256)] * 3 + [int(exponent) + 128])
+    return b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 2 +X 4\n" + pixel * 8
