@@ -66,6 +66,13 @@ def _nothing_kept_of_what_is_patched(request: pytest.FixtureRequest) -> Iterator
         yield
 
 
+@pytest.fixture
+def nothing_kept() -> Iterator[None]:
+    """For tests of how work goes on: nothing of a shot is read from the cache."""
+    with cache.switched("weights"):
+        yield
+
+
 @pytest.hookimpl(trylast=True)
 def pytest_sessionfinish(session: pytest.Session) -> None:
     reporter = session.config.pluginmanager.get_plugin("terminalreporter")

@@ -298,6 +298,7 @@ def test_steps_say_a_word_for_each_block_of_their_work(stage: Path, told_by_bloc
     assert said.count("render") >= 2 + 4 * 160 * 90 / gather.CHUNK
 
 
+@pytest.mark.usefixtures("nothing_kept")
 def test_work_says_how_far_it_is_all_the_time(stage: Path, tmp_path: Path) -> None:
     said: list[tuple[str, float]] = []
     at = [time.perf_counter()]
