@@ -26,6 +26,7 @@ def write_many(folder: Path, tiles: int) -> tuple[Path, Path]:
         look = b.material(f"tile_{i:03d}", diffuseColor=(0.5, 0.5, 0.5), roughness=0.5)
         b.mesh(f"tile_{i:03d}", rectangle(corner, (0.95 * step, 0, 0), (0, 0.95 * step, 0)), look)
     lamp = UsdLux.DistantLight.Define(b.stage, "/World/key")
+    lamp.CreateIntensityAttr(160.0)
     lamp.CreateAngleAttr(5.0)
     lamp.AddRotateXOp().Set(-30.0)
     b.camera(tuple(EYE), (0, 0, 0))
