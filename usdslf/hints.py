@@ -47,6 +47,7 @@ def similarity_to(
     """Returns a picture (h, w, 1): how similar what each pixel shows is to the dabs of strokes.
 
     Args:
+        shot: that they are on.
         strokes: one or several.
         camera: one, or its path; None: the shot's first, or one that sees everything.
         size: width and height [pixels].

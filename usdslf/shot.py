@@ -3,8 +3,7 @@
     stage -> Scene -> RayTracer, lights -> Elements, lookup -> Visibility -> fixed light -> LightField
 
 A Shot never changes.  What it has is made when it is first asked for, once, on whichever thread asks; others wait.
-Work that is cancelled leaves what was made before it.  Another state of the same shot (`edited`, `reopened`,
-`at_frame`) shares what is equal there.
+Cancelled work leaves what was made before.  Another state (`edited`, `reopened`, `at_frame`) shares what is equal.
 """
 
 from __future__ import annotations
@@ -163,8 +162,7 @@ class Shot:
     @property
     def path(self) -> str:
         """The file of the shot, or the name of a layer that is in memory alone."""
-        root = self.source.GetRootLayer()
-        return root.realPath or root.identifier
+        return (root := self.source.GetRootLayer()).realPath or root.identifier
 
     def warn(self, *sentences: str) -> None:
         """Keeps warnings, `sentences`, each once."""
@@ -335,7 +333,7 @@ class Shot:
         ))  # fmt: skip
 
     def sharing(self, other: Shot) -> Shot:
-        """Gives another state of the shot, of which nothing was made yet, what is equal there; returns it.
+        """Gives `other`, a state of the shot of which nothing was made yet, what is equal there; returns it.
 
         Where geometry, lights, glow and opacity are as they are, as under our looks, elements, visibility and fixed
         light are shared.
@@ -350,7 +348,11 @@ class Shot:
         return other
 
     def relit(self, lights: tuple[Light, ...], elements: int | None = None) -> Shot:
-        """Returns the shot in the light of others, `lights`, in place of its own, with as many elements; glow stays."""
+        """Returns the shot in other light; glow stays.
+
+        Args:
+            lights, elements: in place of its own; None: as many elements.
+        """
         fresh: dict[str, Any] = {"seconds": {}, "warnings": [], "lock": threading.RLock(), "laid": None, "start": []}
         other = replace(self, device_name=self.device, element_count=elements or self.element_count, **fresh)
         other._take(scene=replace(self.scene, lights=lights), tracer=self.tracer)
@@ -360,16 +362,15 @@ class Shot:
         """Returns the shot at another frame, a time code.
 
         Elements keep the places that they were laid at on what moved, and visibility is traced again only where that
-        can have changed it.  Surfaces that see light only now get new elements.  Where the frame has other meshes, or
-        stretches them much, all starts afresh, and that is said.
+        can have changed it.  What sees light only now gets new elements; other meshes start afresh, which is said.
         """
         field = vars(self).get("light_field") or next(iter(self.start), None)
         other = replace(
             self, frame=frame, device_name=self.device, seconds={}, warnings=[], lock=threading.RLock(), laid=None,
             start=[field] if field else [],
         )  # fmt: skip
-        placed: PlacedFrame | Afresh | None
-        placed = why_not_comparable(self.laid.scene if self.laid else self.scene, other.scene)
+        first = self.laid.scene if self.laid else self.scene
+        placed: PlacedFrame | Afresh | None = why_not_comparable(first, other.scene)
         if placed is None:
             laid = self.laid or PlacedFrame(self.scene, self.elements, self.lookup, self.visibility, self.dark_probes)
             scene, tracer = other.scene, other.tracer
@@ -379,8 +380,7 @@ class Shot:
             other.warn(f"frame {frame:g} {placed}: its elements are placed afresh")
             return other
         other._take(laid=laid, elements=placed.elements, lookup=placed.lookup, visibility=placed.visibility)
-        if len(placed.elements) > len(laid.elements):
-            new = len(placed.elements) - len(laid.elements)
+        if (new := len(placed.elements) - len(laid.elements)) > 0:
             other.warn(f"frame {frame:g}: {new} elements are added where light comes only now")
         return other
 

@@ -65,6 +65,8 @@ def look_around(session: usdslf.Session) -> dict[str, tuple[float, float, float]
     frames: usdslf.FrameRange | None = usdslf.frame_range(shot.stage)
     print(len(rows), frames.last if frames else None, usdslf.frame_of(session.strokes, None, []))
     print("\n".join(usdslf.lines_of_report(usdslf.report_of(shot, session.solution, session.look))))
+    reviewed: usdslf.LookReview = usdslf.review_look(shot.path, session.look.path if session.look else "", shot.ocio)
+    print(reviewed.look_hash, usdslf.similarity_to(shot, session.strokes, camera).max())
     dab: usdslf.NextDab = usdslf.find_next_dab(shot, session.solution)
     return dab.expected
 

@@ -189,7 +189,7 @@ class LookReview:
         return tuple(dict.fromkeys(t for e in self.edits if not e.is_off for t in e.targets if "." in t))
 
     def as_values(self) -> dict[str, Any]:
-        """As JSON holds it."""
+        """Returns it as JSON holds it."""
         on = [e for e in self.edits if not e.is_off]
         return {
             "format": "usdslf-review-1",

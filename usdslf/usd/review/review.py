@@ -49,6 +49,7 @@ def review_look(shot: str | os.PathLike[str], look: str | os.PathLike[str], ocio
     """Returns what a look layer says of each material and attribute, with the shot's own values, and the findings.
 
     Args:
+        shot, look: files of the shot, and of the look layer.
         ocio: OpenColorIO config that has to know the colour spaces; None is $OCIO, else the built-in one.
 
     Raises: StageError for the shot, InputError where the look is no look layer.
