@@ -2,8 +2,8 @@
 #include "live_sources.cl"
 
 /* rays through places (x, y) of a picture, in pixels from its top left
- * camera (24): eye, axes x y z of the camera, film left, right, bottom, top, focal length (0: orthographic), near, far, width, height
- * of the picture; x, y and width of a window
+ * camera (25): eye, axes x y z of the camera, film left, right, bottom, top, focal length (0: orthographic), near, far, width, height
+ * of the picture; x, y and width of a window; samples on a side of a pixel
  * at (n, 2), or, without `has_places`, the middles of the window's pixels */
 __kernel void camera_rays(
     const uint count, __global const float *camera, const int has_places, __global const float *at,
@@ -12,8 +12,9 @@ __kernel void camera_rays(
     size_t i = get_global_id(0);
     if (i >= count) return;
     uint width = has_places ? 1u : (uint)camera[23], row = (uint)i / width;
-    float px = has_places ? at[2 * i] : ((uint)i - row * width) + camera[21] + 0.5f;
-    float py = has_places ? at[2 * i + 1] : row + camera[22] + 0.5f;
+    int column_of = (int)((uint)i - row * width) + (int)camera[21], row_of = (int)row + (int)camera[22], a = (int)camera[24];
+    float px = has_places ? at[2 * i] : column_of + (row_of % a + 0.5f) / a;
+    float py = has_places ? at[2 * i + 1] : row_of + (a - 1 - column_of % a + 0.5f) / a;
     float x = camera[12] + px / camera[19] * (camera[13] - camera[12]), y = camera[15] + py / camera[20] * (camera[14] - camera[15]);
     float3 eye = row3(camera, 0), ax = row3(camera, 3), ay = row3(camera, 6), az = row3(camera, 9);
     float focal = camera[16], per_depth = 1.0f;

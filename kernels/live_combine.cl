@@ -7,15 +7,9 @@
  *     combine        rows to pixels
  *     find_edges     pixels that one sample is not enough for
  *
- * Guides: position, how far neighbours may lie off its plane, normal, class (negative: nothing), mirror direction, alpha.
+ * Guides: position, how far neighbours may lie off its plane, normal, class (negative: nothing), mirror direction, alpha, tile, width.
  */
 #include "live_records.cl"
-
-#define G_GAP 3
-#define G_NORMAL 4
-#define G_CLASS 7
-#define G_MIRROR 8
-#define G_ALPHA 11
 
 /* size_per_distance: of a pixel, for one unit of distance; or, where it is negative, its size */
 __kernel void guide_rows(
@@ -37,6 +31,23 @@ __kernel void guide_rows(
     out[G_CLASS] = 2.0f * s[MATERIAL] + (largest(row3(s, DIFFUSE)) > 0.0f ? 0.0f : 1.0f);
     put3(2.0f * inner(n, v) * n - v, out, G_MIRROR);
     out[G_ALPHA] = s[ALPHA];
+    out[G_TILE] = TILE;
+    out[G_WIDTH] = lesser(LOBE_WIDTH * s[ALPHA], WIDEST);
+}
+
+/* share of the column Y in even light: fresnel (FRESNEL_COSINES) by the cosine of the eye */
+inline float share_of_y(__global const float *s, __global const float *fresnel)
+{
+    float cosine = within(inner(row3(s, NORMAL), row3(s, VIEW)), 0.0f, 1.0f) * (FRESNEL_COSINES - 1);
+    int k = lesser((int)cosine, FRESNEL_COSINES - 2);
+    return fresnel[k] + (cosine - k) * (fresnel[k + 1] - fresnel[k]);
+}
+
+/* how much of what was known before a frame was gathered still counts after some */
+inline float known_share(float frames)
+{
+    float old = KNOWN_FRAMES / (frames + KNOWN_FRAMES);
+    return old * old;
 }
 
 /* columns (rows, COLUMNS) are sums of FRAMES frames; soft (rows, 3): diffuse light of the elements, which has the weight that
@@ -51,12 +62,10 @@ __kernel void mean_columns(
     __global const float *c = columns + i * COLUMNS;
     __global const float *s = surfaces + i * SURFACE;
     __global float *out = light + i * LIGHT;
-    float f = 1.0f / larger(c[FRAMES], 1.0f), old = KNOWN_FRAMES / (c[GATHERED] + KNOWN_FRAMES);
-    float g = (1.0f - old * old) / larger(c[GATHERED], 1.0f);
-    float3 known = old * old * load3(soft, i);
-    float cosine = within(inner(row3(s, NORMAL), row3(s, VIEW)), 0.0f, 1.0f) * (FRESNEL_COSINES - 1);
-    int k = lesser((int)cosine, FRESNEL_COSINES - 2);
-    float y = fresnel[k] + (cosine - k) * (fresnel[k + 1] - fresnel[k]);
+    float f = 1.0f / larger(c[FRAMES], 1.0f), old = known_share(c[GATHERED]);
+    float g = (1.0f - old) / larger(c[GATHERED], 1.0f);
+    float3 known = old * load3(soft, i);
+    float y = share_of_y(s, fresnel);
     put3(f * row3(c, 0) + g * row3(c, 6) + (1.0f - y) * known, out, 0);
     put3(f * row3(c, 3) + g * row3(c, 9) + y * known, out, 3);
     for (int k = 12; k < 21; k++) out[k - 6] = f * c[k];
@@ -86,7 +95,7 @@ __kernel void filter_light(
     }
     uint p = is_grid ? i : pixel[i];
     int x = p % width, y = p / width;
-    float alpha = a[G_ALPHA], wide = lesser(LOBE_WIDTH * alpha, WIDEST);
+    float alpha = a[G_ALPHA], wide = a[G_WIDTH];
     float nx = a[G_NORMAL], ny = a[G_NORMAL + 1], nz = a[G_NORMAL + 2], mx = a[G_MIRROR], my = a[G_MIRROR + 1], mz = a[G_MIRROR + 2];
     float px = a[0], py = a[1], pz = a[2], gap = a[G_GAP], kind = a[G_CLASS], wide2 = wide * wide;
     float16 mine = vload16(0, own + i * LIGHT);
@@ -95,8 +104,9 @@ __kernel void filter_light(
         vstore16(mine, 0, out);
         return;
     }
-    float16 sum = (float16)(0.0f);
+    float16 sum = (float16)(0.0f), sharp = (float16)(0.0f);
     float matte = 0.0f, specular = 0.0f;
+    int tile = (int)a[G_TILE], sharp_low = -tile / 2, sharp_high = tile - tile / 2;
     int along = step_x ? x : y, end = step_x ? width : height, before = window / 2, after = window - window / 2;
     int low = larger(-before, -along), high = lesser(after, end - along);
     size_t stride = step_x ? 1 : width, q = (size_t)p + low * (long)stride;
@@ -107,19 +117,18 @@ __kernel void filter_light(
         /* products of truths, not branches: neighbours are alike or not by chance */
         float off = fabs((b[0] - px) * nx + (b[1] - py) * ny + (b[2] - pz) * nz);
         float turned = b[G_NORMAL] * nx + b[G_NORMAL + 1] * ny + b[G_NORMAL + 2] * nz;
-        float m = (is_same | (turned >= NORMAL_COSINE)) & (off <= gap) ? 1.0f : 0.0f;
+        float m = ((is_same | (turned >= NORMAL_COSINE)) & (off <= gap)) ? 1.0f : 0.0f;
         float dx = b[G_MIRROR] - mx, dy = b[G_MIRROR + 1] - my, dz = b[G_MIRROR + 2] - mz;
-        float is_near = is_same | ((dx * dx + dy * dy + dz * dz <= wide2) & (fabs(b[G_ALPHA] - alpha) <= 0.15f * alpha)) ? m : 0.0f;
-        float16 weight = (float16)((float4)(m), m, m, is_near, is_near, (float8)(is_near));
-        sum += weight * vload16(0, light + q * LIGHT);
+        float is_near = (is_same | ((dx * dx + dy * dy + dz * dz <= wide2) & (fabs(b[G_ALPHA] - alpha) <= 0.15f * alpha) & (k >= sharp_low) & (k < sharp_high))) ? m : 0.0f;
+        float16 l = vload16(0, light + q * LIGHT);
+        sum += m * l;
+        sharp += is_near * l;
         matte += m;
         specular += is_near;
     }
-    float of_matte = matte > 0.0f ? 1.0f / matte : 0.0f, of_specular = specular > 0.0f ? 1.0f / specular : 0.0f;
-    float16 mean = sum * (float16)((float4)(of_matte), of_matte, of_matte, of_specular, of_specular, (float8)(of_specular));
-    if (!(matte > 0.0f)) { mean.s0123 = mine.s0123; mean.s45 = mine.s45; }
-    if (!(specular > 0.0f)) { mean.s67 = mine.s67; mean.s89ab = mine.s89ab; mean.scd = mine.scd; mean.se = mine.se; }
-    mean.sf = mine.sf;
+    sum = matte > 0.0f ? sum * (1.0f / matte) : mine;
+    sharp = specular > 0.0f ? sharp * (1.0f / specular) : mine;
+    float16 mean = (float16)(sum.s0123, sum.s45, sharp.s67, sharp.s89ab, sharp.scde, mine.sf);
     if (to_own) mean += keep * (mine - mean);
     vstore16(mean, 0, out);
 }
@@ -131,15 +140,49 @@ inline float3 radiance_of(__global const float *s, __global const float *l)
            + row3(s, EMISSION);
 }
 
-/* what some rows send towards the eye: radiance (rows, 3) result */
+/* what was shown before the light changed, without the diffuse light of the elements; [15] says whether anything was
+ * former (rows, LIGHT): of the change before that; kept (rows, LIGHT) result */
+__kernel void keep_former(
+    const uint count, __global const uint *rows, __global const float *surfaces, __global const float *light,
+    const int has_former, __global const float *former, __global const float *soft, __global const float *fresnel,
+    __global float *kept)
+{
+    size_t at = get_global_id(0);
+    if (at >= count) return;
+    size_t i = rows[at];
+    float y = share_of_y(surfaces + i * SURFACE, fresnel);
+    float3 known = load3(soft, i);
+    float16 l = vload16(0, light + i * LIGHT);
+    l.s012 -= (1.0f - y) * known;
+    l.s345 -= y * known;
+    if (has_former && former[i * LIGHT + 15] > 0.0f) {
+        float frames = l.sf;
+        l += known_share(frames) * (vload16(0, former + i * LIGHT) - l);
+        l.sf = larger(frames, 1.0f);
+    }
+    vstore16(l, 0, kept + i * LIGHT);
+}
+
+/* what some rows send towards the eye: radiance (rows, 3) result
+ * former (rows, LIGHT): of keep_former, which fades out as frames are gathered; its diffuse light is that of the elements now */
 __kernel void shade(
     const uint count, __global const uint *rows, __global const float *surfaces, __global const float *light,
+    const int has_former, __global const float *former, __global const float *soft, __global const float *fresnel,
     __global float *radiance)
 {
     size_t at = get_global_id(0);
     if (at >= count) return;
     size_t i = rows[at];
-    store3(radiance_of(surfaces + i * SURFACE, light + i * LIGHT), radiance, i);
+    __global const float *s = surfaces + i * SURFACE;
+    float3 out = radiance_of(s, light + i * LIGHT);
+    if (has_former && former[i * LIGHT + 15] > 0.0f) {
+        float w = known_share(light[i * LIGHT + 15]), y = share_of_y(s, fresnel);
+        float3 d = row3(s, DIFFUSE), known = load3(soft, i);
+        float3 before = radiance_of(s, former + i * LIGHT);
+        before += d * ((1.0f - row3(s, F_ZERO)) * (1.0f - y) + (1.0f - row3(s, F_NINETY)) * y) * known;
+        out += w * (before - out);
+    }
+    store3(out, radiance, i);
 }
 
 /* backdrop (pixels, 3): lights and domes in view; share: of its pixel that each row is; first_more (pixels + 1) of the rows behind

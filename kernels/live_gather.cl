@@ -23,10 +23,12 @@ inline float4 shifted(float4 u, float4 shift)
 }
 
 /* rays and weights of rows (count)
- * numbers   (streams + 2, SET) float4 of [0, 1)
- * place     (rows) of each in its tile, which shares SET numbers
+ * numbers   (streams + 2, set_size) float4 of [0, 1)
+ * place     (rows) of each in its tile, which shares a set of numbers
+ * sharp_place  (rows) the same for the specular lobe, whose tile may be smaller
  * identity  (rows) numbers that tell rows of a picture apart
- * turn      of the frame: which number of the set each place takes
+ * set_size, stride, shift_by, flip: a place takes number (place * stride + shift_by) ^ flip of a set of set_size
+ * near_mask  of places in the smaller tile of what has a place itself, whose shadows are to stay sharp
  * is_shared whether all tiles take the same numbers: then the mean over any tile is that of a set, and what it is wrong by is alike
  *           everywhere; else each row shifts them by numbers of its own, and what is wrong is noise
  * guides    (N, blocks) cumulative chances; guided: share of the diffuse rays that is drawn by them
@@ -36,9 +38,9 @@ inline float4 shifted(float4 u, float4 shift)
  * drawn_ray (2, count, DRAWN_RAY): densities, weights over density
  */
 __kernel void draw_first(
-    const uint count, __global const uint *rows, const uint turn, const uint round, const int is_shared,
-    const int sends_diffuse,
-    __global const float *surfaces, __global const uchar *place, __global const uint *identity, __global const float4 *numbers,
+    const uint count, __global const uint *rows, const uint set_size, const uint stride, const uint shift_by, const uint flip,
+    const uint near_mask, const uint round, const int is_shared, const int sends_diffuse,
+    __global const float *surfaces, __global const uchar *place, __global const uchar *sharp_place, __global const uint *identity, __global const float4 *numbers,
     SCENE_PARAMETERS, __global const float *guides, __global const float *frames, const float guided,
     __global float *shadow_origin, __global float *shadow_direction, __global float *shadow_length, __global float *shone,
     __global float *ray_origin, __global float *ray_direction, __global float *ray_length, __global float *drawn_ray)
@@ -54,12 +56,16 @@ __kernel void draw_first(
     }
     Lobe lobe = lobe_of(surface);
     float3 p = row3(surface, POSITION), start = start_of(surface), geometric = row3(surface, GEOMETRIC);
-    uint at = place[row] ^ turn, own = identity[row] * 2654435761u + 12345u, drawn_at = round * SET + at;
+    /* diffuse light needs the whole tile */
+    uint sharp = sharp_place[row], wide = largest(row3(surface, DIFFUSE)) > 0.0f ? place[row] : sharp;
+    uint sharp_at = (sharp * stride + shift_by) ^ flip, at = (wide * stride + shift_by) ^ flip;
+    uint near_at = ((wide & near_mask) * stride + shift_by) ^ flip;
+    uint own = identity[row] * 2654435761u + 12345u, drawn_at = (round * set_size + at) % DRAWN;
     float4 shift = (float4)(0.0f);
     if (!is_shared) {
         random(&own);
         shift = (float4)(random(&own), random(&own), random(&own), 0.0f);
-        drawn_at = ((round + own) % ROUNDS) * SET + at;
+        drawn_at = ((round + own) * set_size + at) % DRAWN;
     }
     float chance_of_coat = lobe.coat > 0.0f ? 0.4f * lobe.coat : 0.0f;
     int is_diffuse = sends_diffuse && largest(row3(surface, DIFFUSE)) > 0.0f;
@@ -68,12 +74,16 @@ __kernel void draw_first(
     /* wide and weak reflections, over a diffuse colour, get fewer rays */
     int is_weak = lobe.alpha > WEAK_ALPHA && lobe.e.z > WEAK_COSINE && bright(row3(surface, F_ZERO)) < WEAK_F_ZERO
                   && largest(row3(surface, DIFFUSE)) > 0.0f && !(lobe.coat > 0.0f);
-    float sent = is_weak ? WEAK_SHARE : 1.0f;
+    /* where frames complete each other every WEAK_EVERY-th sends one, of a smaller set, which is whole */
+    uint weak_stride = (stride + WEAK_EVERY - 1) / WEAK_EVERY;
+    float sent = !is_weak ? 1.0f : stride > 1 ? (float)weak_stride / (float)stride : WEAK_SHARE;
+    if (is_weak && stride > 1) sharp_at = (sharp * weak_stride + shift_by / WEAK_EVERY) ^ flip;
     float w[WEIGHTS], lobe_pdf, coat_pdf;
 
     for (int s = 0; s < streams; s++) {
         size_t to = s * count + i;
-        float4 u = shifted(numbers[s * SET + at], shift);
+        int is_near = !each || (int)sources[s * SOURCE + SRC_KIND] != DOME;
+        float4 u = shifted(numbers[s * set_size + (is_near ? near_at : at)], shift);
         float chance = 1.0f;
         int chosen = each ? s : choose_source(sources, source_count, p, u.z, &chance);
         shadow_length[to] = 0.0f;
@@ -108,8 +118,8 @@ __kernel void draw_first(
         __global float *out = drawn_ray + to * DRAWN_RAY;
         ray_length[to] = 0.0f;
         if (kind == 1 && !is_diffuse) continue;
-        float4 u = shifted(numbers[(streams + kind) * SET + at], shift);
-        if (kind == 0 && !(u.w < sent)) continue;
+        float4 u = shifted(numbers[(streams + kind) * set_size + (kind == 0 ? sharp_at : at)], shift);
+        if (kind == 0 && (stride > 1 ? is_weak && shift_by % WEAK_EVERY : !(u.w < sent))) continue;
         float3 l, h, d;
         if (kind == 0) {
             mirrored_by(u.z < chance_of_coat ? lobe.coat_alpha : lobe.alpha, lobe.e, u.xy, &l, &h);

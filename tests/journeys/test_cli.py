@@ -228,8 +228,11 @@ def test_bench_prints_the_agreed_table(run: Run, monkeypatch: pytest.MonkeyPatch
     found = json.loads(out)
     rows = {row["step"]: row for row in found["rows"]}
     assert set(next(iter(rows.values()))) == {
-        "step", "seconds", "limit", "limit_seconds", "ratio", "bytes", "moved_bytes", "paper_ms",
+        "step", "seconds", "limit", "limit_seconds", "ratio", "bytes", "moved_bytes", "paper_ms", "rays",
     }  # fmt: skip
+    final = rows["picture 32 x 16"]
+    assert final["rays"] > 32 * 16 * 4 * 4
+    assert final["ratio"] == pytest.approx(final["seconds"] / final["limit_seconds"])
     assert rows["visibility"]["paper_ms"] == 870 and "embreex" in rows["visibility"]["limit"]
     assert rows["visibility"]["ratio"] == pytest.approx(
         rows["visibility"]["seconds"] / rows["visibility"]["limit_seconds"]

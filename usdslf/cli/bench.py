@@ -20,7 +20,7 @@ import numpy as np
 
 from usdslf.animation.frames import PlacedFrame, carry
 from usdslf.cache import switched
-from usdslf.cli.bench_live import live_steps
+from usdslf.cli.bench_live import final_step, live_steps
 from usdslf.cli.bench_strokes import stroke_steps
 from usdslf.gallery import still_life
 from usdslf.gallery.play import Play
@@ -63,9 +63,11 @@ def measure(device: str | None, ocio: str | None, elements: int, say: Say) -> di
         total = time.perf_counter() - began
         cold = dict(session.seconds)
         session.render(play.shot.view_path(), SIZE)
+        camera = session.camera(play.shot.view_path())
+        seconds, limit, limit_seconds, rays = final_step(session, camera, SIZE)  # while its files are there
         rounds = len(session.stylize().rounds)
         session.author(folder / "style.usda")
-    picture, styling = session.seconds["render"], session.seconds["stylize"]
+    styling = session.seconds["stylize"]
     n = len(session.elements)
     links, field = n * D, n * D * 12
     bounce = _bounce(session)
@@ -82,9 +84,9 @@ def measure(device: str | None, ocio: str | None, elements: int, say: Say) -> di
         _row("solve, all bounces", cold["solve"], paper=270),
         _row(f"stylize, rounds: {rounds}", styling, f"{levels:g} bounces", levels * bounce[0]),
         _row("its look, read back", session.seconds["author"] - cold["author"]),
-        _row(f"picture {SIZE[0]} x {SIZE[1]}", picture, paper=75),
+        {**_row(f"picture {SIZE[0]} x {SIZE[1]}", seconds, limit, limit_seconds, paper=75), "rays": rays},
         *(_row(name, seconds, moved=moved) for name, seconds, moved in stroke_steps(session, strokes)),
-        *(_row(*timed) for timed in live_steps(session, session.camera(play.shot.view_path()), SIZE)),
+        *(_row(*timed) for timed in live_steps(session, camera, SIZE)),
     ]
     return {
         "device": session.device.name,
@@ -115,6 +117,7 @@ def _row(
         "bytes": size,
         "moved_bytes": moved,
         "paper_ms": paper or None,
+        "rays": None,
     }
 
 
@@ -212,15 +215,17 @@ def _peak_memory() -> int:
 def lines_of_table(found: Mapping[str, Any]) -> Iterator[str]:
     """Yields the table that people read."""
     yield f"{found['device']}: {found['elements']} elements x {found['directions']} directions"
-    yield f"{'step':<31}{'ms':>9}{'limit ms':>10}{'ratio':>7}{'MB':>8}{'moved MB':>10}{'paper ms':>10}  limit"
+    head = f"{'ms':>9}{'limit ms':>10}{'ratio':>7}{'MB':>8}{'moved MB':>10}{'paper ms':>10}{'M rays':>8}"
+    yield f"{'step':<31}{head}  limit"
     for row in found["rows"]:
         limit = f"{row['limit_seconds'] * 1000:.0f}" if row["limit_seconds"] else ""
         ratio = f"{row['ratio']:.2f}" if row["ratio"] else ""
         size = f"{row['bytes'] / 1e6:.0f}" if row["bytes"] else ""
         moved = "" if row["moved_bytes"] is None else f"{row['moved_bytes'] / 1e6:.2f}"
+        rays = f"{row['rays'] / 1e6:.1f}" if row["rays"] else ""
         yield (
             f"{row['step']:<31}{row['seconds'] * 1000:>9.0f}{limit:>10}{ratio:>7}{size:>8}{moved:>10}"
-            f"{row['paper_ms'] or '':>10}  {row['limit']}"
+            f"{row['paper_ms'] or '':>10}{rays:>8}  {row['limit']}"
         )
     yield (
         f"stage to look layer, cold: {found['total_seconds']:.1f} s; "

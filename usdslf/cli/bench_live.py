@@ -12,11 +12,12 @@ from numpy.typing import NDArray
 
 from usdslf.rays import RayTracer
 from usdslf.render.live.picture import LivePicture
-from usdslf.render.picture import LitScene
+from usdslf.render.picture import LitScene, render
 from usdslf.scene.records import Camera, constant
 from usdslf.session import Session
 
 REPEATS = 3
+RAY_SHARE = 8  # of a large picture's calls of embreex, the rays of every so manyth are traced again
 LIMIT = "embreex on the same rays"
 WALL, VASE = "/still_life/materials/plaster", "/still_life/materials/pewter"
 
@@ -25,22 +26,42 @@ Timed = tuple[str, float, str, float | None]
 
 
 class RecordingTracer(RayTracer):
-    """A tracer that keeps the rays it traces."""
+    """A tracer that counts the rays it traces, and keeps those of some calls."""
 
-    def __init__(self, scene: Any) -> None:
+    def __init__(self, scene: Any, every: int = 1) -> None:
+        """Keeps the rays of every so manyth call of a kind."""
         super().__init__(scene)
         self.kept: list[tuple[bool, tuple[NDArray, ...]]] = []
+        self.every, self.calls = every, [0, 0]
+        self.rays, self.rays_kept = [0, 0], [0, 0]  # occluded, intersected
+
+    def _note(self, is_whole: bool, rays: Any) -> None:
+        count = int(np.count_nonzero(rays[2] > 0))
+        self.rays[is_whole] += count
+        if self.calls[is_whole] % self.every == 0:
+            self.rays_kept[is_whole] += count
+            self.kept.append((is_whole, tuple(a.copy() for a in rays)))
+        self.calls[is_whole] += 1
 
     def intersect_into(self, rays: Any, found: Any, stop_at_translucent: bool = False) -> None:
-        self.kept.append((True, tuple(a.copy() for a in rays)))
+        self._note(True, rays)
         super().intersect_into(rays, found, stop_at_translucent)
 
     def occluded_into(self, rays: Any, blocked: Any) -> None:
-        self.kept.append((False, tuple(a.copy() for a in rays)))
+        self._note(False, rays)
         super().occluded_into(rays, blocked)
 
+    def seconds_of_all(self) -> float:
+        """Time of all rays so far, by that of those that were kept; forgets them."""
+        kept, counts, out = self.kept, tuple(zip(self.rays, self.rays_kept)), 0.0
+        for is_whole, (count, count_kept) in enumerate(counts):
+            self.kept = [k for k in kept if k[0] == bool(is_whole)]
+            out += self.seconds() * count / max(count_kept, 1)
+        self.rays, self.rays_kept = [0, 0], [0, 0]
+        return out
+
     def seconds(self) -> float:
-        """Time of the rays kept so far, without those of length 0; forgets them."""
+        """Time of the rays that are kept, without those of length 0; forgets them."""
         kept, self.kept = self.kept, []
         asked = []
         for is_whole, (origin, direction, length) in kept:
@@ -96,6 +117,15 @@ def live_steps(session: Session, camera: Camera, size: tuple[int, int]) -> Itera
     yield "live, one more frame", seconds, LIMIT, tracer.seconds()
     yield "live, after a change of diffuse", *_edited(session, picture, WALL, "diffuse_color", constant(0.2, 0.5, 0.3))
     yield "live, after one of roughness", *_edited(session, picture, VASE, "roughness", constant(0.35))
+
+
+def final_step(session: Session, camera: Camera, size: tuple[int, int]) -> tuple[float, str, float, int]:
+    """Returns the time of a final picture, its limit in words and seconds, and how many rays it traces."""
+    seconds, every = session.seconds["render"], RAY_SHARE if size[0] * size[1] > 1 << 16 else 1
+    tracer = RecordingTracer(session.scene, every)
+    render(LitScene(session.scene, tracer, session.light_field, session.lights, session.device), camera, size)
+    count = sum(tracer.rays)
+    return seconds, LIMIT, tracer.seconds_of_all(), count
 
 
 def first(picture: LivePicture, camera: Camera, size: tuple[int, int]) -> None:

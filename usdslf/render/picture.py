@@ -19,67 +19,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdslf.errors import InputError
-from usdslf.gpu.device import Device
+from usdslf.light_field.light_field import LightField
 from usdslf.lights.sources import LightSet, brightest
-from usdslf.rays import RayTracer
 from usdslf.render.filter import NEAR_TILE, TILE, LightFilter, SampleGrid
-from usdslf.render.gather import FOOTPRINT, MAX_DEPTH, Gatherer, RadianceOfHits
+from usdslf.render.gather import Gatherer
+from usdslf.render.live.still import StillPicture
 from usdslf.render.lobes import ShadingPoints, reflect, shading_points
+from usdslf.render.settings import AOVS, BAND, LAYERS, LitScene, PictureOptions, Quality
 from usdslf.scene.cameras import camera_rays, pixel_size
-from usdslf.scene.records import F32, Camera, Light, Scene
+from usdslf.scene.records import F32, Camera
 from usdslf.surfaces.surface_points import SurfacePoints, evaluate_surface
-
-BAND = 300_000  # samples in a band
-LAYERS = 8  # see-through surfaces that a camera ray shows
-AOVS = {
-    "color": 3, "direct": 3, "indirect": 3, "albedo": 3, "specular": 3, "roughness": 1, "emission": 3,
-    "normal": 3, "position": 3, "depth": 1, "material": 1, "mesh": 1, "alpha": 1,
-}  # fmt: skip
-"""Names and channels of what `render` can return; scene-linear, world space, stage units.  `material` and
-`mesh` are indices of the scene, -1 where nothing is seen; depth along the view axis, inf there."""
-
-
-@dataclass(frozen=True)
-class Quality:
-    """How much work goes into a picture."""
-
-    antialias: int = 2  # samples on a side of a pixel
-    rays: int = 4  # of each sample
-    light_samples: int = 4  # of each source, for each sample
-
-    @staticmethod
-    def of(samples: int) -> Quality:
-        """Makes a picture of about `samples` gathered rays a pixel; a power of two is best."""
-        if samples < 1:
-            raise InputError(f"a picture needs at least 1 sample a pixel, not {samples}")
-        antialias = 1 if samples < 8 else 2 if samples < 256 else 4
-        rays = max(1, samples // antialias**2)
-        return Quality(antialias, rays, rays)
-
-
-@dataclass(frozen=True)
-class LitScene:
-    """A scene with all that lights it."""
-
-    scene: Scene
-    tracer: RayTracer
-    light_field: RadianceOfHits | None  # radiance of surfaces met by gathered rays; None: black
-    lights: Sequence[Light]  # the scene's, or the default ones
-    device: Device
-
-
-@dataclass(frozen=True)
-class PictureOptions:
-    """What is not the same for all pictures."""
-
-    samples: int = 16  # gathered rays a pixel
-    elements: int = 10000  # of the light field
-    element_area: float | None = None  # mean, of these [stage units squared]; None: the scene's area over `elements`
-    hide_lights: bool = False  # lights are not seen by the camera (nor is the dome)
-    depth: int = MAX_DEPTH  # see `Gatherer`
-    footprint: float = FOOTPRINT  # see `Gatherer`
-    seed: int = 0
-
 
 USUAL = PictureOptions()
 
@@ -113,6 +62,22 @@ def render_bands(
     unknown = [a for a in aovs if a not in AOVS]
     if unknown:
         raise InputError(f"unknown AOV '{unknown[0]}'; choose from {', '.join(AOVS)}")
+    view = _view(lit, camera, size, options)
+    out = {name: np.zeros((height, width, AOVS[name]), np.float32) for name in dict.fromkeys(("color", *aovs))}
+    a = view.quality.antialias
+    rows = max(TILE, BAND // (width * a * a))
+    for first in range(0, height, rows):
+        last = min(first + rows, height)
+        for name, part in view.render_band(first, last, tuple(out)).items():
+            out[name][first:last] = part
+        yield last / height, out
+
+
+def _view(lit: LitScene, camera: Camera, size: tuple[int, int], options: PictureOptions) -> StillPicture | _View:
+    """What renders the bands: kernels, but for plain path tracing and for what stands in for a light field."""
+    is_real = lit.light_field is None or isinstance(lit.light_field, LightField)
+    if is_real and np.isfinite(options.footprint) and len(lit.scene.triangles.mesh):
+        return StillPicture(lit, camera, size, options)
     area = options.element_area
     if area is None:
         area = float(lit.scene.triangles.areas.sum()) / max(options.elements, 1)
@@ -120,14 +85,7 @@ def render_bands(
         lit.scene, lit.tracer, LightSet(lit.scene, lit.lights), lit.light_field, lit.device, area, options.depth,
         options.footprint,
     )  # fmt: skip
-    view = _View(camera, size, Quality.of(options.samples), gatherer, options.hide_lights, options.seed)
-    out = {name: np.zeros((height, width, AOVS[name]), np.float32) for name in dict.fromkeys(("color", *aovs))}
-    rows = view.rows_of_band()
-    for first in range(0, height, rows):
-        last = min(first + rows, height)
-        for name, part in view.render_band(first, last, tuple(out)).items():
-            out[name][first:last] = part
-        yield last / height, out
+    return _View(camera, size, Quality.of(options.samples), gatherer, options.hide_lights, options.seed)
 
 
 @dataclass(frozen=True)
@@ -149,11 +107,6 @@ class _View:
         self.camera, self.size, self.quality = camera, size, quality
         self.gatherer, self.scene, self.tracer = gatherer, gatherer.scene, gatherer.tracer
         self.hide_lights, self.seed = hide_lights, seed
-
-    def rows_of_band(self) -> int:
-        """Rows of pixels in a band."""
-        a = self.quality.antialias
-        return max(TILE, BAND // (self.size[0] * a * a))
 
     def render_band(self, first: int, last: int, names: tuple[str, ...]) -> dict[str, F32]:
         """Renders rows of pixels first..last-1."""

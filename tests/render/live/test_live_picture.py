@@ -175,6 +175,28 @@ def test_an_edit_shows_what_a_picture_of_the_edited_scene_does(table: LitScene, 
     np.testing.assert_array_equal(picture.now().picture, before)  # which does not change
 
 
+def test_another_light_field_replaces_the_first_without_a_flash(table: LitScene) -> None:
+    """What was shown stays until frames are there, but for diffuse light, which is at once that of the elements."""
+    picture = live(table, CAMERA)
+    before = after(picture, 16)
+    same = picture.with_materials(table.scene.materials, table.light_field)
+    np.testing.assert_allclose(same.now().picture, before, rtol=1e-4, atol=1e-5)
+    assert same.now().number == 0
+    materials = changed(table, 0, diffuse_color=constant(0.9, 0.1, 0.1))
+    elements = table.light_field.elements
+    red = table.light_field.surface.with_rows(elements.material == 0, diffuse=np.array([0.9, 0.1, 0.1], np.float32))
+    light = table.light_field.with_surface(red)
+    list(light.converge(8))
+    edited = picture.with_materials(materials, light)
+    anew = live(replace(table, scene=replace(table.scene, materials=materials), light_field=light), CAMERA)
+    soon, truth = after(anew, 16), after(anew, 64)
+    unlit = picture.with_materials(materials).now().picture
+    at_once = relative_error(edited.now().picture, truth)
+    assert at_once < 0.85 * relative_error(unlit, truth)
+    assert relative_error(after(edited, 16), soon) < 0.01
+    np.testing.assert_array_equal(picture.now().picture, before)
+
+
 @pytest.mark.parametrize("inputs", [
     {"opacity": constant(0.4), "opacity_mode": "presence"},
     {"emissive_color": constant(3.0, 1.5, 0.5)},

@@ -12,8 +12,8 @@ from usdslf.gpu.shared import Shared
 from usdslf.rays import points_at
 from usdslf.render.live import records as r
 from usdslf.render.live.scene import GROUP, Hits, LiveScene, groups
-from usdslf.render.live.view import Rows, View, fill_rows, see_lights, send_rays
-from usdslf.render.picture import LAYERS
+from usdslf.render.live.view import Rows, View, fill_rows, fill_soft, see_lights, send_rays
+from usdslf.render.settings import LAYERS
 from usdslf.scene.records import F32
 
 PLACES = ((0.375, 0.125), (0.875, 0.375), (0.125, 0.625), (0.625, 0.875))
@@ -181,7 +181,8 @@ def _add(scene: LiveScene, view: View, found: _Found) -> None:
         room.push()
     nth = np.arange(len(pixel)) - np.searchsorted(pixel, pixel) + 1
     rows = Rows(scene, hits, pixel, nth, np.concatenate(found.share)[order], view.window, view.size[0])
-    fill_rows(scene, view, rows)
+    fill_rows(scene, rows, view.pixel_size)
+    fill_soft(scene, rows)
     first = Shared(device, (view.window.count + 1,), np.uint32, is_clean=False)
     first.host[:] = np.searchsorted(pixel, np.arange(len(first.host)))
     first.push()

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -15,7 +17,7 @@ from usdslf.render.live import records as r
 from usdslf.render.live.closer import counting
 from usdslf.render.live.scene import GROUP, Geometry, Hits, LiveScene, Shadows, groups
 from usdslf.render.live.view import Rows
-from usdslf.sampling.low_discrepancy import random_shifts, sobol_points
+from usdslf.sampling.low_discrepancy import random_shifts, scrambled_points, sobol_points
 
 SHARED_FRAMES = 4  # in which all tiles draw the same numbers, so that filtered light has no noise
 BATCH = 1 << 16  # rows that are gathered at once
@@ -47,71 +49,112 @@ class GatherRoom:
         self.more_paths, self.more_state = Hits(device, 2 * BATCH), make((2 * BATCH, r.PATH))
         self.followed, self.who = make((2 * BATCH,), np.uint8), make((2 * BATCH,), np.int32)
         self.all, self.rows = counting(device, 2 * BATCH), make((BATCH,), np.uint32)
-        self._numbers: tuple[int, Any] = (-1, None)
+        self._numbers: tuple[tuple[int, int, bool], Any] = ((-1, 0, False), None)
 
-    def numbers(self, turn: int) -> Any:
-        """Returns numbers (streams + 2, SET, 4) of [0, 1) for as many frames as a set has members."""
-        if self._numbers[0] != turn:
-            rng = np.random.default_rng((20130, turn))
-            streams = self._streams + 2
-            u = sobol_points(0, r.SET, random_shifts(2 * streams, rng)).reshape(streams, 2, r.SET, 2)
+    def numbers(self, draw: Draw) -> Any:
+        """Returns numbers (streams + 2, draw.count, 4) of [0, 1)."""
+        key = draw.turn, draw.count, draw.is_scrambled
+        if self._numbers[0] != key:
+            rng, streams = np.random.default_rng((20130, draw.turn)), self._streams + 2
+            shifts = random_shifts(2 * streams, rng)
+            u = scrambled_points(draw.count, shifts[:, 0]) if draw.is_scrambled else sobol_points(0, draw.count, shifts)
+            u = u.reshape(streams, 2, draw.count, 2)
             # the second pair in another order than the first, so that the two have nothing in common
-            u[:, 1] = np.stack([pair[rng.permutation(r.SET)] for pair in u[:, 1]])
+            u[:, 1] = np.stack([pair[rng.permutation(draw.count)] for pair in u[:, 1]])
             both = np.concatenate([u[:, 0], u[:, 1]], -1).astype(np.float32)
-            self._numbers = turn, self._device.upload(np.minimum(both, np.float32(1 - 2**-24)))
+            self._numbers = key, self._device.upload(np.minimum(both, np.float32(1 - 2**-24)))
         return self._numbers[1]
 
 
+@dataclass(frozen=True)
+class Draw:
+    """What a frame draws: a row takes number (place * stride + shift) ^ flip of a set of `count`."""
+
+    turn: int  # which set
+    count: int
+    stride: int
+    shift: int
+    flip: int
+    near_mask: int  # of places in the tile of lights that have a place
+    is_scrambled: bool  # the set is, beyond a random shift
+    is_shared: bool  # all tiles take the same numbers
+    sends_diffuse: bool
+    depth: int  # surfaces that rays are followed to which the light field has no good answer for
+    seed: int
+
+    @staticmethod
+    def of_live(frame: int, has_even_dome: bool) -> Draw:
+        """Of a frame of the live picture: all of a set by SET frames, and by the rows of each tile.
+
+        The first frame follows no rays, and sends none of the diffuse lobe where nothing needs it.
+        """
+        return Draw(
+            frame // r.SET, r.SET, 1, 0, frame % r.SET, r.SET - 1, False, frame < SHARED_FRAMES,
+            frame > 0 or has_even_dome, MAX_DEPTH if frame else 0, frame,
+        )  # fmt: skip
+
+
 def gather_batch(
-    scene: LiveScene, room: GatherRoom, part: Rows, columns: Columns, rows: NDArray[np.uint32], frame: int
+    scene: LiveScene, room: GatherRoom, part: Rows, rows: NDArray[np.uint32], draw: Draw, add: Callable[[int], None]
 ) -> None:
-    """Adds a frame to the columns of some rows of a part.
+    """Gathers one ray towards each source, and one of each lobe, for some rows of a part.
 
     Args:
-        rows: (n,) of the part, BATCH at most.
-        frame: number; the first one follows no rays, and sends none of the diffuse lobe where nothing needs it.
+        rows: (n,) of the part, BATCH at most; they stand in the room's.
+        draw: which numbers they take.
+        add: what is done with what has come to the room, of the first n.
     """
     g = scene.geometry
-    count = len(rows)
+    count, streams = len(rows), g.sources.streams
     room.rows.host[:count] = rows
     room.rows.push()
-    turn, streams = frame // r.SET, g.sources.streams
-    sends_diffuse = np.int32(frame > 0 or g.sources.has_even_dome)
-    shared, field = scene.arguments(), scene.light.arguments(g.tables)
+    sends_diffuse = np.int32(draw.sends_diffuse)
+    shared, field = scene.arguments(), scene.field_arguments()
     lobes, n = room.lobes, np.uint32(count)
     g.kernel("live_gather", "draw_first")(
-        groups(count), (GROUP,), n, room.rows, np.uint32(frame % r.SET), np.uint32(turn % r.ROUNDS),
-        np.int32(frame < SHARED_FRAMES), sends_diffuse, part.surface, part.place, part.identity, room.numbers(turn),
+        groups(count), (GROUP,), n, room.rows, np.uint32(draw.count), np.uint32(draw.stride), np.uint32(draw.shift),
+        np.uint32(draw.flip), np.uint32(draw.near_mask), np.uint32(draw.turn % r.ROUNDS), np.int32(draw.is_shared),
+        sends_diffuse, part.surface, part.place, part.sharp_place, part.identity, room.numbers(draw),
         *shared, scene.light.guide_d, g.tables.frames_d, np.float32(SHARE), *room.to_sources.arguments, room.shone,
         lobes.origin, lobes.direction, lobes.length, room.drawn,
     )  # fmt: skip
     if streams:
         room.to_sources.trace(g.tracer, streams * count)
-    sent = 2 * count if sends_diffuse else count
+    sent = 2 * count if draw.sends_diffuse else count
     lobes.trace(g.tracer, sent)
-    follows = np.int32(frame > 0)
     g.kernel("live_gather", "arrive_first")(
-        groups(sent), (GROUP,), np.uint32(sent), follows, *shared, *field, lobes.origin, lobes.direction, lobes.length,
-        lobes.triangle, lobes.u, lobes.v, lobes.distance, room.drawn, n, room.rows, part.identity,
-        room.arrived, room.state, room.followed,
+        groups(sent), (GROUP,), np.uint32(sent), np.int32(draw.depth > 0), *shared, *field, lobes.origin,
+        lobes.direction, lobes.length, lobes.triangle, lobes.u, lobes.v, lobes.distance, room.drawn, n,
+        room.rows, part.identity, room.arrived, room.state, room.followed,
     )  # fmt: skip
-    if follows:
-        _follow(scene, room, sent, frame)
-    g.kernel("live_gather", "add_frame")(
-        groups(count), (GROUP,), n, room.rows, np.int32(streams), sends_diffuse, part.surface,
-        room.to_sources.length, room.to_sources.blocked, room.shone, lobes.length, room.drawn, room.arrived,
-        scene.light.arriving_d, columns.sums, columns.moments,
-    )  # fmt: skip
-    g.device.finish()
+    _follow(scene, room, sent, draw)
+    add(count)
+    g.device.finish()  # before the room is written to again
 
 
-def _follow(scene: LiveScene, room: GatherRoom, sent: int, frame: int) -> None:
+def add_frame(
+    scene: LiveScene, room: GatherRoom, part: Rows, columns: Columns, sends_diffuse: bool
+) -> Callable[[int], None]:
+    """Returns what adds a frame to the columns of the rows that stand in the room."""
+    g, lobes = scene.geometry, room.lobes
+
+    def add(count: int) -> None:
+        g.kernel("live_gather", "add_frame")(
+            groups(count), (GROUP,), np.uint32(count), room.rows, np.int32(g.sources.streams), np.int32(sends_diffuse),
+            part.surface, room.to_sources.length, room.to_sources.blocked, room.shone, lobes.length, room.drawn,
+            room.arrived, scene.light.arriving_d, columns.sums, columns.moments,
+        )  # fmt: skip
+
+    return add
+
+
+def _follow(scene: LiveScene, room: GatherRoom, sent: int, draw: Draw) -> None:
     """Follows rays of the first surfaces that the light field has no good answer for."""
     g = scene.geometry
-    shared, field = scene.arguments(), scene.light.arguments(g.tables)
+    shared, field = scene.arguments(), scene.field_arguments()
     source, state, count = room.lobes, room.state, sent
     spare, spare_state = room.paths, room.path_state
-    for depth in range(1, MAX_DEPTH + 1):
+    for depth in range(1, draw.depth + 1):
         room.followed.pull()
         who = np.flatnonzero(room.followed.host[:count])
         count = len(who)
@@ -127,13 +170,13 @@ def _follow(scene: LiveScene, room: GatherRoom, sent: int, frame: int) -> None:
         scene.evaluate(spare, room.all, count, room.surface)
         shadows = room.path_shadows
         g.kernel("live_gather", "scatter")(
-            groups(count), (GROUP,), n, np.uint32((frame * 8 + depth) * 7919), room.surface, *shared, spare_state,
-            *shadows.arguments, spare.origin, spare.direction, spare.length,
+            groups(count), (GROUP,), n, np.uint32((draw.seed * 8 + depth) * 7919 % 2**32), room.surface, *shared,
+            spare_state, *shadows.arguments, spare.origin, spare.direction, spare.length,
         )  # fmt: skip
         shadows.trace(g.tracer, count)
         spare.trace(g.tracer, count)
         g.kernel("live_gather", "arrive_on_path")(
-            groups(count), (GROUP,), n, np.int32(depth < MAX_DEPTH), *shared, *field, spare.origin, spare.direction,
+            groups(count), (GROUP,), n, np.int32(depth < draw.depth), *shared, *field, spare.origin, spare.direction,
             spare.length, spare.triangle, spare.u, spare.v, spare.distance, shadows.length, shadows.blocked,
             spare_state, room.arrived, room.followed,
         )  # fmt: skip

@@ -88,8 +88,15 @@ class Share:
 class Gathered:
     """The columns of a view, and the light that is made of them."""
 
-    def __init__(self, scene: LiveScene) -> None:
-        self.scene = scene
+    def __init__(self, scene: LiveScene, former: list[Shared] | None = None) -> None:
+        """Begins with nothing gathered.
+
+        Args:
+            scene: with its light.
+            former: of each part of the view, what was shown before the light changed: it fades out.
+        """
+        self.scene, self.former = scene, former or []
+        self._fresnel_d = scene.geometry.device.upload(fresnel_shares(scene.geometry.model))
         self.columns: list[Columns] = []
         self.light: list[tuple[Shared, Shared, Shared]] = []  # of each part: mean, filtered along rows, filtered
         self.at_hand: dict[int, ReferenceType[Share]] = {}
@@ -154,11 +161,10 @@ class Gathered:
             view.lit_by = self
         if not any(len(rows) for rows in changed):
             return
-        fresnel_d = g.device.upload(fresnel_shares(g.model))
         for p, rows in _listed(changed, view):
             part, n = view.parts[p], len(rows.host)
             g.kernel("live_combine", "mean_columns")(
-                groups(n), (GROUP,), np.uint32(n), rows, part.surface, self.columns[p].sums, part.soft, fresnel_d,
+                groups(n), (GROUP,), np.uint32(n), rows, part.surface, self.columns[p].sums, part.soft, self._fresnel_d,
                 self.light[p][0],
             )  # fmt: skip
         if self.is_split:
@@ -184,10 +190,29 @@ class Gathered:
         g = self.scene.geometry
         for p, rows in _listed([_union(part.unshaded, part) for part in view.parts], view):
             part, n = view.parts[p], len(rows.host)
+            has_former = p < len(self.former)
             g.kernel("live_combine", "shade")(
-                groups(n), (GROUP,), np.uint32(n), rows, part.surface, self.light[p][2], part.radiance
-            )
+                groups(n), (GROUP,), np.uint32(n), rows, part.surface, self.light[p][2], np.int32(has_former),
+                self.former[p] if has_former else part.radiance, part.soft, self._fresnel_d, part.radiance,
+            )  # fmt: skip
             part.unshaded.clear()
+
+    def kept_as_former(self, shares: Mapping[int, Share], view: View) -> list[Shared]:
+        """Returns what is shown of some materials, for the time when their light changes."""
+        g, out = self.scene.geometry, []
+        for p, part in enumerate(view.parts):
+            former = Shared(g.device, self.light[p][2].host.shape, np.float32)
+            rows = _union([part.of_material(m) for m in shares], part)
+            n = len(rows)
+            if n:
+                listed = part.listed(rows)
+                has_former = p < len(self.former)
+                g.kernel("live_combine", "keep_former")(
+                    groups(n), (GROUP,), np.uint32(n), listed, part.surface, self.light[p][2], np.int32(has_former),
+                    self.former[p] if has_former else former, part.soft, self._fresnel_d, former,
+                )  # fmt: skip
+            out.append(former)
+        return out
 
 
 def fewest_frames(all_groups: Iterable[Group]) -> int | None:

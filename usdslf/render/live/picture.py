@@ -26,12 +26,12 @@ from usdslf.lights.sources import LightSet, SurfaceEmission
 from usdslf.progress import tell
 from usdslf.render.live import records as r
 from usdslf.render.live.closer import look_closer
-from usdslf.render.live.gather import BATCH, GatherRoom, gather_batch
+from usdslf.render.live.gather import BATCH, Draw, GatherRoom, add_frame, gather_batch
 from usdslf.render.live.gathered import BORDER, Gathered, Group, Share, fewest_frames
 from usdslf.render.live.materials import MaterialTable
 from usdslf.render.live.scene import GROUP, Geometry, LiveScene, SentLight, groups
 from usdslf.render.live.view import View, Window, look
-from usdslf.render.picture import LitScene
+from usdslf.render.settings import LitScene
 from usdslf.scene.records import F32, Camera, Material
 
 JUDGED = 20_000  # rows that the estimate of the error is made of, about
@@ -156,7 +156,8 @@ class LivePicture:
 
         Where only colours differ nothing is gathered anew; where roughness, coat or normals do, the rows of these
         materials are.  Where opacity or what shines differs, everything is looked at and gathered anew
-        (`is_begun_anew`).  Others see the change in their reflections when the light field is given.
+        (`is_begun_anew`).  Others follow when the light field is given: their diffuse light at once, reflections frame
+        by frame, from what was shown before.
 
         Args:
             materials: as many as the scene has; those that are unchanged should be the same objects.
@@ -168,7 +169,7 @@ class LivePicture:
         is_anew = before.opacity != table.opacity or before.emission != table.emission
         if is_anew:
             geometry = geometry.under(materials)
-        if light is None and before.emission != table.emission:
+        if light is None and scene.light.field is not None and before.emission != table.emission:
             light = scene.light.field.with_emission(emission_of(geometry, scene.light.field))
         sent = scene.light if light is None else SentLight.of(geometry, light)
         other = LiveScene(geometry, table, sent)
@@ -180,11 +181,14 @@ class LivePicture:
             room = self._room if geometry.sources.streams == scene.geometry.sources.streams else GatherRoom(geometry)
             begun = LivePicture._start(other, seen, room, self._hides_lights)
             return replace(begun, is_begun_anew=True)
-        shares = {
-            m: Share() if light is not None or before.gloss[m] != table.gloss[m] else share
-            for m, share in self._shares.items()
-        }
-        gathered = self._gathered if light is None else Gathered(other)
+        shares = {m: share for m, share in self._shares.items() if before.gloss[m] == table.gloss[m]}
+        gathered = self._gathered
+        if light is not None:
+            with self._room.lock:
+                self._show()
+                gathered.average(self.view)
+                gathered, shares = Gathered(other, gathered.kept_as_former(shares, self.view)), {}
+        shares = {m: shares.get(m) or Share() for m in self._shares}
         return replace(self, scene=other, _gathered=gathered, _shares=shares, is_begun_anew=False)
 
     def seen(self) -> dict[str, NDArray]:
@@ -275,7 +279,10 @@ class LivePicture:
                     if not space:
                         break
                 rows = np.concatenate([g.rows[g.begun : g.begun + n] for g, n in batch])
-                gather_batch(self.scene, self._room, part, self._gathered.columns[p], rows, batch[0][0].frames)
+                draw = Draw.of_live(batch[0][0].frames, self.scene.geometry.sources.has_even_dome)
+                columns = self._gathered.columns[p]
+                add = add_frame(self.scene, self._room, part, columns, draw.sends_diffuse)
+                gather_batch(self.scene, self._room, part, rows, draw, add)
                 for group, count in batch:
                     group.begun += count
                     if group.begun == len(group.rows):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from usdslf.rays import ULPS
-from usdslf.render.filter import FLAT_SHARE, NORMAL_COSINE, WIDEST
+from usdslf.render.filter import FLAT, FLAT_SHARE, LOBE_SHARE, NORMAL_COSINE, WIDEST
 from usdslf.render.gather import BRIGHT, CAUSTIC_ROUGHNESS, RAY_MOST, SHARP_PDF, UNEVEN, WIDE_PDF
 from usdslf.render.lobes import MIN_ALPHA
 from usdslf.render.wide_field import BLOCK
@@ -28,6 +28,7 @@ SRC_KIND, SRC_RADIANCE, SRC_LINEAR, SRC_INVERSE, SRC_CENTER, SRC_SIZE, SRC_VOLUM
 SRC_AXIS, SRC_DIFFUSE, SRC_SPECULAR, SRC_ALONE, SRC_SAMPLED, SRC_POWER, SRC_SHAPING = 28, 31, 32, 33, 34, 35, 37
 SRC_CONE, SRC_FOCUS, SRC_TINT, SRC_PICTURE, SRC_TABLE, SRC_DRAWN, SRC_REACH, SRC_WIDE = 38, 40, 41, 44, 47, 49, 50, 51
 
+TILE = 8  # pixels on a side that share a set of numbers
 SET = 64  # numbers that the pixels of a tile of 8 x 8 share
 ROUNDS = 64  # sets of directions of each dome, one for so many frames as a set has numbers
 DRAWN = SET * ROUNDS
@@ -37,13 +38,16 @@ RAY_PDF, RAY_WEIGHTS, RAY_FOLDED, RAY_ELEMENT, RAY_MATTE, RAY_LOBE_PDF = 0, 1, 6
 COLUMNS = 24  # floats of a row's light: X, Y of sources, X, Y of surfaces, A, B, coat
 FRAMES, GATHERED = 21, 22  # frames of the columns; those that sent a ray of the diffuse lobe
 KEPT = 26  # floats of a row's columns and moments, kept aside
-GUIDE = 16  # floats of what neighbours are compared by
+GUIDE = 16  # floats of what neighbours are compared by, the position first
+G_GAP, G_NORMAL, G_CLASS, G_MIRROR, G_ALPHA = 3, 4, 7, 8, 11  # G_GAP: how far neighbours may lie off its plane
+G_TILE, G_WIDTH = 12, 13  # rows on a side that share numbers of specular light; how far mirror directions may differ
 LIGHT = 16  # the same, as they are shown: X, Y, A, B, coat
 FRESNEL_COSINES = 64  # cosines of the eye for which the share of the column Y is known
 FILTERED_FRAMES = 4  # from which on the filter is faded out, until each pixel has had a whole set
 KNOWN_FRAMES = 4.0  # of gathered diffuse light, that the elements' light counts as
 EDGE_COSINE = 0.9  # between normals of neighbours, below which there is an edge
 DIFFUSE_COLUMNS = 2  # X and Y come first
+WEAK_EVERY = 4  # 1 / WEAK_SHARE
 WEAK_SHARE = 0.25  # of the frames in which a ray of a wide and weak specular lobe is sent: wider, and seen less
 WEAK_ALPHA, WEAK_COSINE, WEAK_F_ZERO = 0.15, 0.3, 0.06  # at a grazing angle, than these
 LITTLE = 0.05  # throughput of paths below which they end by chance
@@ -52,8 +56,9 @@ WIDE_SIDE = 64  # of the octahedral table of a dome's wide radiance
 _FLOATS = {
     "MIN_ALPHA": MIN_ALPHA, "OFFSET": ULPS * 2**-23, "WIDE_PDF": WIDE_PDF, "SHARP_PDF": SHARP_PDF,
     "CAUSTIC_ROUGHNESS": CAUSTIC_ROUGHNESS, "RAY_MOST": RAY_MOST, "UNEVEN": UNEVEN, "BRIGHT": BRIGHT, "LITTLE": LITTLE,
-    "KNOWN_FRAMES": KNOWN_FRAMES, "EDGE_COSINE": EDGE_COSINE, "NORMAL_COSINE": NORMAL_COSINE, "LOBE_WIDTH": FLAT_SHARE,
-    "WIDEST": WIDEST, "WEAK_SHARE": WEAK_SHARE, "WEAK_ALPHA": WEAK_ALPHA, "WEAK_COSINE": WEAK_COSINE,
+    "KNOWN_FRAMES": KNOWN_FRAMES, "EDGE_COSINE": EDGE_COSINE, "NORMAL_COSINE": NORMAL_COSINE,
+    "LOBE_WIDTH": FLAT_SHARE, "CURVED_WIDTH": LOBE_SHARE,
+    "FLAT": FLAT,     "WIDEST": WIDEST, "WEAK_SHARE": WEAK_SHARE, "WEAK_ALPHA": WEAK_ALPHA, "WEAK_COSINE": WEAK_COSINE,
     "WEAK_F_ZERO": WEAK_F_ZERO,
 }  # fmt: skip
 CONSTANTS: dict[str, object] = {

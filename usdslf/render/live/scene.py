@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -19,7 +20,7 @@ from usdslf.render.gather import FOOTPRINT
 from usdslf.render.guide import LightGuide
 from usdslf.render.live import records as r
 from usdslf.render.live.materials import MaterialTable, TexturePool
-from usdslf.render.live.sources import SourceTable
+from usdslf.render.live.sources import EACH, SourceTable
 from usdslf.render.lobes import ShadingPoints, shading_points
 from usdslf.render.wide_field import WideField
 from usdslf.scene.records import F32, Material, Scene
@@ -51,13 +52,16 @@ class Geometry:
     tables: DeviceLookup
 
     @staticmethod
-    def of(device: Device, scene: Scene, tracer: RayTracer, lights: LightSet, field: LightField) -> Geometry:
-        """Uploads a scene."""
+    def of(
+        device: Device, scene: Scene, tracer: RayTracer, lights: LightSet, field: LightField | None, each: int = EACH
+    ) -> Geometry:
+        """Uploads a scene; where it has more sources than `each`, some are chosen for each ray."""
         up, t = device.upload, scene.triangles
         return Geometry(
-            device, tracer, scene, lights, SourceTable.of(device, lights), TexturePool.of(device, scene), field.model,
+            device, tracer, scene, lights, SourceTable.of(device, lights, each), TexturePool.of(device, scene),
+            field.model if field else "preview_surface",
             up(np.asarray(t.normals, np.float32)), up(np.asarray(t.material, np.int32)),
-            up(np.asarray(tracer.extent, np.float32)), field.lookup_d,
+            up(np.asarray(tracer.extent, np.float32)), field.lookup_d if field else no_lookup(device, scene),
         )  # fmt: skip
 
     def under(self, materials: Sequence[Material]) -> Geometry:
@@ -73,11 +77,24 @@ class Geometry:
         return self.device.kernel(stem, name, **constants)
 
 
+def no_lookup(device: Device, scene: Scene) -> DeviceLookup:
+    """Returns the tables of a scene that has no elements."""
+    up, t = device.upload, scene.triangles
+    n = max(len(t.mesh), 1)
+    none, zeros = np.full((2, 1), 0xFFFFFFFF, np.uint32), lambda *shape: np.zeros(shape, np.float32)
+    cells = np.tile(np.array([0, 1], np.uint32), (n, 1))
+    return DeviceLookup(
+        up(cells), up(np.asarray(t.face_normals, np.float32)), up(none), up(np.zeros((1, 8), np.uint32)),
+        up(zeros(1, 3)), up(zeros(1, 9)), up(np.asarray(t.positions, np.float32)), np.uint32(1),
+    )  # fmt: skip
+
+
 @dataclass(frozen=True)
 class SentLight:
     """A light field as rays of a live picture read it: the light that surfaces send out now."""
 
-    field: LightField
+    field: LightField | None
+    outgoing_d: Any  # (N, D, 3)
     mean_d: Any  # (N, blocks, 3)
     arriving_d: Any  # (N,) mean luminance that arrives there
     guide_d: Any  # (N, blocks) cumulative chances of where it comes from
@@ -85,9 +102,17 @@ class SentLight:
     usual: float  # mean luminance
     footprint: float  # area that a ray's footprint must cover to be answered by it
 
+    @property
+    def count(self) -> int:
+        """Its elements."""
+        return 0 if self.field is None else len(self.field.elements)
+
     @staticmethod
-    def of(geometry: Geometry, field: LightField) -> SentLight:
-        """Sums a light field up, as it is now."""
+    def of(geometry: Geometry, field: LightField | None, footprint: float | None = None) -> SentLight:
+        """Sums a light field up, as it is now; without one surfaces are dark unless rays are followed."""
+        if field is None:
+            dark = geometry.device.zeros((1, 3), np.float32)
+            return SentLight(None, dark, dark, dark, dark, dark, 0.0, footprint or 0.0)
         device, n = geometry.device, len(field.elements)
         wide = WideField(device, field)
         guide = LightGuide(device, field, wide.mean_d, geometry.lights)
@@ -98,15 +123,8 @@ class SentLight:
         mean = device.download(wide.mean_d).mean((0, 1)) @ np.array([0.2126, 0.7152, 0.0722])
         area = float(geometry.scene.triangles.areas.sum()) / n
         return SentLight(
-            field, wide.mean_d, device.upload(guide.arriving), guide.cumulative_d, soft_d, float(mean), FOOTPRINT * area
-        )
-
-    def arguments(self, tables: DeviceLookup) -> tuple[Any, ...]:
-        """FIELD_PARAMETERS of kernels/live_arrival.cl."""
-        return (
-            tables.cells_of_triangle_d, tables.entry_of_cell_d, tables.cell_count, tables.elements_of_entry_d,
-            tables.position_d, tables.frames_d, self.field.outgoing_d, self.mean_d, np.int32(1), np.float32(self.usual),
-            np.float32(self.footprint),
+            field, field.outgoing_d, wide.mean_d, device.upload(guide.arriving), guide.cumulative_d, soft_d,
+            float(mean), FOOTPRINT * area if footprint is None else footprint,
         )  # fmt: skip
 
 
@@ -126,6 +144,15 @@ class LiveScene:
             m.refs_d, *m.pool, *g.sources.arrays,
         )  # fmt: skip
 
+    def field_arguments(self) -> tuple[Any, ...]:
+        """FIELD_PARAMETERS of kernels/live_arrival.cl."""
+        t, light = self.geometry.tables, self.light
+        return (
+            t.cells_of_triangle_d, t.entry_of_cell_d, t.cell_count, t.elements_of_entry_d, t.position_d, t.frames_d,
+            light.outgoing_d, light.mean_d, np.int32(light.field is not None), np.float32(light.usual),
+            np.float32(light.footprint),
+        )  # fmt: skip
+
     def evaluate(self, hits: Hits, rows: Shared, count: int, surface: Shared) -> None:
         """Makes surfaces, rows of (., SURFACE), of what rays met, as seen along the rays.
 
@@ -138,7 +165,7 @@ class LiveScene:
             hits.least_roughness,
             np.uint32(len(g.scene.triangles.mesh)), t.corners_d, g.normals_d, t.face_normal_d, g.material_d, g.extent_d,
             m.rows_d, m.refs_d, *m.pool, t.cells_of_triangle_d, t.entry_of_cell_d, t.cell_count, t.elements_of_entry_d,
-            np.uint32(len(self.light.field.elements)), surface,
+            np.uint32(self.light.count), surface,
         )  # fmt: skip
         if m.on_host.any():
             surface.pull()
@@ -185,6 +212,7 @@ def _put(out: F32, p: ShadingPoints) -> None:
     out[:, r.F_ZERO : r.F_ZERO + 3], out[:, r.F_NINETY : r.F_NINETY + 3] = p.colors[:, 3:6], p.colors[:, 6:]
 
 
+@lru_cache(maxsize=4)
 def fresnel_shares(model: str) -> F32:
     """Returns the share (FRESNEL_COSINES,) of the column Y in even light by the eye's cosine; 1 where Y is all."""
     if not model_of(model).has_fresnel:

@@ -13,7 +13,7 @@ from usdslf.lights.sampling import is_delta, light_frame, light_picture, shaping
 from usdslf.lights.sources import DomeSource, LightSet, LightSource
 from usdslf.render.gather import MIRRORED_ANGLE
 from usdslf.render.live import records as r
-from usdslf.sampling.low_discrepancy import random_shifts, sobol_points
+from usdslf.sampling.low_discrepancy import scrambled_points
 from usdslf.scene.records import F32
 
 KINDS = {"rect": 0, "disk": 1, "sphere": 2, "cylinder": 3, "distant": 4, "point": 5, "dome": 6, "glowing": 7}
@@ -30,8 +30,8 @@ class SourceTable:
     arrays: tuple[Any, ...]  # as SCENE_PARAMETERS takes them from `source_count` on
 
     @staticmethod
-    def of(device: Device, lights: LightSet) -> SourceTable:
-        """Uploads what shines."""
+    def of(device: Device, lights: LightSet, each: int = EACH) -> SourceTable:
+        """Uploads what shines; of more than `each` sources, STREAMS are chosen for each row."""
         rows = np.zeros((max(len(lights.sources), 1), r.SOURCE), np.float32)
         rows[:, r.SRC_KIND], rows[:, r.SRC_ALONE] = KINDS["point"], 1
         store = _Store([], [], [])
@@ -52,7 +52,7 @@ class SourceTable:
         join = lambda parts, empty: np.concatenate(parts) if parts else empty  # noqa: E731
         up = device.upload
         count = len(lights.sources)
-        streams = count if count <= EACH else STREAMS
+        streams = count if count <= each else STREAMS
         return SourceTable(
             streams, any(d.is_met_only for d in lights.domes),
             (
@@ -132,7 +132,7 @@ def _fill_dome(row: NDArray, source: DomeSource, store: _Store) -> None:
     rows, columns, density = dome.density_table()
     row[r.SRC_TABLE], row[r.SRC_TABLE + 1] = sum(len(t) for t in store.tables), density.shape[1]
     store.tables.append(np.concatenate([rows, columns, density.ravel()]).astype(np.float32))
-    u = sobol_points(0, r.SET, random_shifts(r.ROUNDS, np.random.default_rng(7))).reshape(-1, 2)
+    u = scrambled_points(r.DRAWN, np.array([7], np.uint32))[0]
     direction, radiance, pdf = dome.sample(u)
     row[r.SRC_DRAWN] = len(store.drawn)
     store.drawn.append(np.concatenate([direction, pdf[:, None], radiance, 0 * pdf[:, None]], 1).astype(np.float32))

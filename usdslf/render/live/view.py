@@ -22,7 +22,7 @@ from usdslf.render.live.scene import GROUP, Hits, LiveScene, groups
 from usdslf.scene.cameras import film_window, pixel_size
 from usdslf.scene.records import Camera
 
-TILE = 8  # pixels on a side that share a set of numbers
+PLACES = morton_place(*np.indices((r.TILE, r.TILE))[::-1]).astype(np.uint8)  # by y and x in a tile
 APART = 0x9E3779B1  # between the numbers of rows of one pixel
 
 
@@ -80,11 +80,12 @@ class Rows:
         self.surface, self.guide, self.soft = make((n, r.SURFACE)), make((n, r.GUIDE)), make((n, 3))
         self.pixel, self.share, self.place = make((n,), np.uint32), make((n,)), make((n,), np.uint8)
         self.all, self.identity = make((n,), np.uint32), make((n,), np.uint32)
+        self.sharp_place = self.place  # of rays of the specular lobe
         self.radiance = Shared(device, (n, 3), np.float32)  # that each sends to the eye
         self.unshaded: list[NDArray[np.uint32]] = []  # rows of which that is not so any more
         self.pixel.host[: self.count], self.share.host[: self.count] = pixel, share
         x, y = window.places(pixel)
-        self.place.host[: self.count] = morton_place(x % TILE, y % TILE)
+        self.place.host[: self.count] = PLACES[y % r.TILE, x % r.TILE]
         self.place.host[: self.count] ^= np.asarray(np.asarray(nth) * 21 % r.SET, np.uint8)
         self.identity.host[: self.count] = (y * width + x + np.asarray(nth) * APART) & 0xFFFFFFFF
         self.all.host[:] = np.arange(n)
@@ -173,20 +174,24 @@ def look(
     grid = Rows(scene, hits, np.arange(n), 0, np.ones(n, np.float32), window, size[0])
     of_distance = float(pixel_size(camera, np.ones(1), size)[0]) * (1 if camera.perspective else -1)
     view = View(scene, camera, size, window, grid, backdrop, of_distance)
-    fill_rows(scene, view, grid)
+    fill_rows(scene, grid, of_distance)
+    fill_soft(scene, grid)
     tell()
     return view
 
 
-def fill_rows(scene: LiveScene, view: View, rows: Rows) -> None:
-    """Makes surfaces, guides and the elements' light of rows."""
+def fill_rows(scene: LiveScene, rows: Rows, pixel_size: float) -> None:
+    """Makes surfaces and guides of rows.
+
+    Args:
+        pixel_size: for a unit of distance; negative: everywhere.
+    """
     g = scene.geometry
     n = rows.count
     scene.evaluate(rows.hits, rows.all, n, rows.surface)
     g.kernel("live_combine", "guide_rows")(
-        groups(n), (GROUP,), np.uint32(n), rows.surface, rows.hits.distance, np.float32(view.pixel_size), rows.guide
+        groups(n), (GROUP,), np.uint32(n), rows.surface, rows.hits.distance, np.float32(pixel_size), rows.guide
     )
-    fill_soft(scene, rows)
 
 
 def fill_soft(scene: LiveScene, rows: Rows) -> None:
@@ -200,11 +205,16 @@ def fill_soft(scene: LiveScene, rows: Rows) -> None:
 
 
 def send_rays(
-    scene: LiveScene, camera: Camera, size: tuple[int, int], hits: Hits, count: int, at: Shared | Window
-) -> None:
-    """Makes rays through the middles of a window's pixels, or through places (count, 2) of the picture."""
+    scene: LiveScene, camera: Camera, size: tuple[int, int], hits: Hits, count: int, at: Shared | Window,
+    antialias: int = 1,
+) -> None:  # fmt: skip
+    """Makes rays through a window's pixels, or through places (count, 2) of the picture.
+
+    With `antialias` > 1 pixels are samples, so many on a side of what is seen: rooks, no two of which share a row or a
+    column, so that edges come out alike everywhere; else their middles.
+    """
     m = camera.world_from_camera
-    values = np.zeros(24, np.float32)
+    values = np.zeros(25, np.float32)
     values[:3] = m[:3, 3]
     values[3:12] = m[:3, :3].T.ravel()
     values[12:16] = film_window(camera, size[0] / size[1])
@@ -212,7 +222,7 @@ def send_rays(
     values[17:19] = max(camera.near, 0.0), min(max(camera.far, 0.0), 1e37)
     values[19:21] = size
     if isinstance(at, Window):
-        values[21:24] = at.x, at.y, at.width
+        values[21:] = at.x, at.y, at.width, antialias
     scene.geometry.kernel("live_camera", "camera_rays")(
         groups(count), (GROUP,), np.uint32(count), scene.geometry.device.upload(values),
         np.int32(isinstance(at, Shared)), at if isinstance(at, Shared) else hits.length, hits.origin, hits.direction,

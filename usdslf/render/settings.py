@@ -1,0 +1,63 @@
+"""What pictures are made of, and how well: shared by all that renders."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from usdslf.errors import InputError
+from usdslf.gpu.device import Device
+from usdslf.rays import RayTracer
+from usdslf.render.gather import FOOTPRINT, MAX_DEPTH, RadianceOfHits
+from usdslf.scene.records import Light, Scene
+
+BAND = 300_000  # samples in a band
+LAYERS = 8  # see-through surfaces that a camera ray shows
+AOVS = {
+    "color": 3, "direct": 3, "indirect": 3, "albedo": 3, "specular": 3, "roughness": 1, "emission": 3,
+    "normal": 3, "position": 3, "depth": 1, "material": 1, "mesh": 1, "alpha": 1,
+}  # fmt: skip
+"""Names and channels of what `render` can return; scene-linear, world space, stage units.  `material` and
+`mesh` are indices of the scene, -1 where nothing is seen; depth along the view axis, inf there."""
+
+
+@dataclass(frozen=True)
+class Quality:
+    """How much work goes into a picture."""
+
+    antialias: int = 2  # samples on a side of a pixel
+    rays: int = 4  # of each sample
+    light_samples: int = 4  # of each source, for each sample
+
+    @staticmethod
+    def of(samples: int) -> Quality:
+        """Makes a picture of about `samples` gathered rays a pixel; a power of two is best."""
+        if samples < 1:
+            raise InputError(f"a picture needs at least 1 sample a pixel, not {samples}")
+        antialias = 1 if samples < 8 else 2 if samples < 256 else 4
+        rays = max(1, samples // antialias**2)
+        return Quality(antialias, rays, rays)
+
+
+@dataclass(frozen=True)
+class LitScene:
+    """A scene with all that lights it."""
+
+    scene: Scene
+    tracer: RayTracer
+    light_field: RadianceOfHits | None  # radiance of surfaces met by gathered rays; None: black
+    lights: Sequence[Light]  # the scene's, or the default ones
+    device: Device
+
+
+@dataclass(frozen=True)
+class PictureOptions:
+    """What is not the same for all pictures."""
+
+    samples: int = 16  # gathered rays a pixel
+    elements: int = 10000  # of the light field
+    element_area: float | None = None  # mean, of these [stage units squared]; None: the scene's area over `elements`
+    hide_lights: bool = False  # lights are not seen by the camera (nor is the dome)
+    depth: int = MAX_DEPTH  # see `Gatherer`
+    footprint: float = FOOTPRINT  # see `Gatherer`
+    seed: int = 0
