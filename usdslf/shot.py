@@ -362,7 +362,7 @@ class Shot:
         """Returns the shot at another frame, a time code.
 
         Elements keep the places that they were laid at on what moved, and visibility is traced again only where that
-        can have changed it.  What sees light only now gets new elements; other meshes start afresh, which is said.
+        can have changed it.  What sees light only now gets new elements; other or stretched meshes start afresh, said.
         """
         field = vars(self).get("light_field") or next(iter(self.start), None)
         other = replace(
