@@ -188,10 +188,13 @@ def tiles_within(reach: NDArray, least: int) -> NDArray[np.intp]:
     return tile
 
 
-def worst_tiles(error: F32, rows: NDArray, grid: tuple[int, int], fewest: int = 2) -> tuple[int, NDArray[np.intp]]:
+def worst_tiles(
+    error: F32, rows: NDArray, grid: tuple[int, int], fewest: int = 2, budget: float = REFINE_BUDGET
+) -> tuple[int, NDArray[np.intp]]:
     """Chooses the points (of error (n,) at `rows` of the grid) that get more samples, by whole tiles.
 
-    At least `fewest` times as many go to each that does; with 1, all that need more get them.
+    At least `fewest` times as many go to each that does; with 1, all that need more get them.  The budget is
+    in samples of the first round, for each of it.
 
     Returns: how many times as many samples, and which points: the worst tiles, as the budget allows.
     """
@@ -200,7 +203,7 @@ def worst_tiles(error: F32, rows: NDArray, grid: tuple[int, int], fewest: int = 
     count = np.maximum(np.bincount(tile), 1)
     badness = np.sqrt(np.bincount(tile, error**2) / count)
     bad = np.flatnonzero(badness > NOISE)
-    budget = REFINE_BUDGET * len(rows)
+    budget *= len(rows)
     times = REFINE_MOST
     while times > fewest and times * count[bad].sum() > budget:
         times //= 2

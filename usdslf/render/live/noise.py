@@ -19,6 +19,7 @@ from usdslf.scene.records import F32
 
 SHARP_TILE = 2  # samples on a side that judge sharp reflections
 COMPLETED = 0.75  # frames complete each other's numbers: errors of n, at edges of shadows too, fall as n to this power
+BUDGET = 0.25  # of the rays of all, that uncertain samples get more
 DARK = 0.05  # of the mean luminance, that errors of less are compared with
 
 
@@ -62,7 +63,7 @@ class Noise:
         at = np.flatnonzero(is_mirror)
         kind = guide[at, r.G_CLASS].astype(np.intp)
         error[at] = np.sqrt(np.bincount(kind, error[at] ** 2) / np.maximum(np.bincount(kind), 1))[kind]
-        return worst_tiles(error, self._there, size, 1 if (error[at] > NOISE).any() else 2)
+        return worst_tiles(error, self._there, size, 1 if (error[at] > NOISE).any() else 2, BUDGET)
 
     def _error(self, side: int) -> F32:
         """Relative error of each row by the blocks of a side."""
