@@ -2,9 +2,17 @@
 
 import sys
 
-from usdslf import choose_pxr
+from usdslf import UsdslfError, choose_pxr
 
 choose_pxr()  # before anything imports pxr
+
+from usdslf import require_viewer  # noqa: E402
+
+try:
+    require_viewer()
+except UsdslfError as error:
+    print(f"usdslf: {error}", file=sys.stderr)
+    sys.exit(error.exit_code)
 
 from hydra_viewer.ui.application import main  # noqa: E402
 

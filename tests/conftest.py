@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
+from kit import displays
 from kit.share import first_of_share
 
 import usdslf  # noqa: F401  (announces the stroke schema before a test opens a stage)
@@ -76,8 +77,8 @@ def nothing_kept() -> Iterator[None]:
 @pytest.hookimpl(trylast=True)
 def pytest_sessionfinish(session: pytest.Session) -> None:
     reporter = session.config.pluginmanager.get_plugin("terminalreporter")
-    skipped = reporter.stats.get("skipped", []) if reporter else []
-    if session.config.getoption("--no-skips") and skipped and session.exitstatus == pytest.ExitCode.OK:
+    left_out = (reporter and reporter.stats.get("skipped")) or displays.why_no_qt()
+    if session.config.getoption("--no-skips") and left_out and session.exitstatus == pytest.ExitCode.OK:
         session.exitstatus = pytest.ExitCode.TESTS_FAILED
 
 
@@ -85,6 +86,9 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: p
     count = config.stash.get(_left_out, 0)
     if count:
         terminalreporter.write_line(f"left out: {count} tests on real stages, there is no folder {ASSETS}")
+    why_no_qt = displays.why_no_qt()
+    if why_no_qt:
+        terminalreporter.write_line(f"left out: the tests of windows, Qt cannot be loaded: {why_no_qt}")
     if config.getoption("--no-skips") and terminalreporter.stats.get("skipped"):
         terminalreporter.write_line("failed: a test was skipped (--no-skips)", red=True)
 

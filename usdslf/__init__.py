@@ -45,6 +45,7 @@ Public names; all others may change from version to version:
     DisplayPass, DisplaySettings, DisplayShader         pictures as code values of a screen, quickly
     CHANNELS, FALSE_COLORS                              what of a picture is shown; what false colours mean
     view_and_projection                                 what OpenGL draws the picture of a camera with
+    require_viewer                                      raises where no window can be shown, with the reason
     choose_pxr, PxrChoice                               the OpenUSD build of this process; before it is imported
     LiveStage        a shot under a look that changes while it is looked at, as a Usd.Stage
     pick, Pick       what a place of a picture shows
@@ -92,6 +93,7 @@ if TYPE_CHECKING:
     from usdslf.usd.review.review import review_look
     from usdslf.usd.stroke_layer import read_strokes, write_strokes
     from usdslf.usd.which_pxr import PxrChoice, choose_pxr
+    from usdslf.viewing import require_viewer
 
 __version__ = "0.1.0"
 
@@ -151,6 +153,7 @@ __all__ = [
     "reload_stage",
     "render_shot",
     "report_of",
+    "require_viewer",
     "review_look",
     "run",
     "seen_prims",
@@ -175,6 +178,7 @@ _HOME = {
         ("CHANNELS", "FALSE_COLORS", "DisplayPass", "DisplaySettings", "DisplayShader"), "usdslf.display"
     ),
     **dict.fromkeys(("PxrChoice", "choose_pxr"), "usdslf.usd.which_pxr"),
+    "require_viewer": "usdslf.viewing",
     "LiveStage": "usdslf.usd.live_stage",
     **dict.fromkeys(("Pick", "Seen", "are_seen", "pick", "seen_prims"), "usdslf.picking"),
     **dict.fromkeys(

@@ -1,4 +1,4 @@
-"""What tests of the viewer share: a display.  What needs Hydra is collected where Hydra can be had."""
+"""What tests of the viewer share: a display.  What needs Qt or Hydra is collected where it can be had."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ from collections.abc import Iterator
 import pytest
 from kit import displays
 
-collect_ignore = [] if displays.has_hydra() else ["test_hydra.py"]
+NEED_QT = ["ui", "test_display_menu.py", "test_hydra.py", "test_no_hydra.py", "test_on_a_display.py", "test_usdview.py"]
+collect_ignore = NEED_QT if displays.why_no_qt() else [] if displays.has_hydra() else ["test_hydra.py"]
 
 
 @pytest.fixture(scope="session")

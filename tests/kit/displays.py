@@ -8,6 +8,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -38,6 +39,16 @@ def display() -> Iterator[dict[str, str] | None]:
     finally:
         server.terminate()
         server.wait()
+
+
+def why_no_qt() -> str:
+    """Returns why Qt cannot be loaded here, "" where it can."""
+    try:
+        for name in ("QtWidgets", "QtOpenGLWidgets"):
+            import_module(f"PySide6.{name}")
+    except ImportError as error:
+        return " ".join(str(error).split())
+    return ""
 
 
 def has_hydra() -> bool:
