@@ -23,7 +23,10 @@ QT_NEEDS = "on Debian libegl1 libgl1 libdbus-1-3 libxkbcommon-x11-0 libxcb-curso
 DISPLAYS = ("DISPLAY", "WAYLAND_DISPLAY", "QT_QPA_PLATFORM")  # one is set where Qt can show a window on Linux
 
 def require_viewer() -> None:
-    """Raises InputError where no window can be shown: without Qt, without what Qt needs, or without a display."""
+    """Tells whether a window can be shown here.
+
+    Raises: InputError without Qt, without a library that Qt needs, or without a display.
+    """
     if find_spec("PySide6") is None:
         raise InputError("the viewer needs PySide6; install it with: pip install 'usdslf[viewer]'")
     try:

@@ -72,6 +72,7 @@ def look_around(session: usdslf.Session) -> dict[str, tuple[float, float, float]
 
 
 def show(session: usdslf.Session, look: str) -> int:
+    usdslf.require_viewer()
     choice: usdslf.PxrChoice = usdslf.choose_pxr()
     print(choice.sentence)
     shot, camera = session.shot, session.camera()
