@@ -33,7 +33,7 @@ def require_viewer() -> None:
         import_module("PySide6.QtWidgets")
     except ImportError as error:
         say = " ".join(str(error).split())
-        raise InputError(f"Qt cannot be loaded ({say}); install what it needs: {QT_NEEDS}") from error
+        raise InputError(f"the viewer cannot load Qt ({say}); install what it needs: {QT_NEEDS}") from error
     if sys.platform == "linux" and not any(map(os.environ.get, DISPLAYS)):
         raise InputError("there is no display to open a window on: DISPLAY is not set; use a screen, or ssh -X")
 
