@@ -19,6 +19,7 @@ from usdslf.batch.job import Limits
 from usdslf.errors import InputError
 
 WAITED = 120  # seconds for anything
+AT_ONCE = 3.0  # seconds, less than a job takes
 
 
 @pytest.fixture
@@ -42,6 +43,13 @@ def wait_for_job(cluster: Cluster, name: str) -> int:
     raise AssertionError(f"{name} got no job; see {cluster.folder}")
 
 
+def wait_for_end(process: int) -> None:
+    until = time.monotonic() + AT_ONCE
+    while not Cluster.has_ended(process):
+        assert time.monotonic() < until, f"process {process} goes on without its worker"
+        time.sleep(0.02)
+
+
 def test_a_worker_is_killed_and_the_scheduler_restarted(cluster: Cluster, tmp_path: Path) -> None:
     for name in ("one", "corrupt"):
         write_shot(tmp_path / "shots" / name)
@@ -54,7 +62,7 @@ def test_a_worker_is_killed_and_the_scheduler_restarted(cluster: Cluster, tmp_pa
     cluster.kill("first")
     cluster.start_worker("second")
     wait_for_job(cluster, "second")
-    assert not Path(f"/proc/{job}").exists()  # the job of the dead worker ended with it
+    wait_for_end(job)  # the job of the dead worker ends with it
     cluster.kill("scheduler")
     cluster.end("second")
     cluster.start_scheduler()

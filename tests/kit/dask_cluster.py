@@ -45,6 +45,15 @@ class Cluster:
             found += [int(p) for p in (thread / "children").read_text().split()]
         return found
 
+    @staticmethod
+    def has_ended(process: int) -> bool:
+        """Whether a process computes no more; who inherited it may not have asked yet how it ended."""
+        try:
+            state = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0]
+        except (FileNotFoundError, ProcessLookupError):
+            return True
+        return state in "ZX"
+
     def kill(self, name: str) -> None:
         """kill -9"""
         self.processes[name].send_signal(signal.SIGKILL)
