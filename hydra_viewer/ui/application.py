@@ -15,6 +15,7 @@ from PySide6.QtWidgets import QApplication
 
 from hydra_viewer.model.document import Files
 from hydra_viewer.ui import words
+from hydra_viewer.ui.collector import collect_anywhere
 from hydra_viewer.ui.theme import apply_theme
 from hydra_viewer.ui.window import Window
 from usdslf import Shot, Solution, Stroke
@@ -72,7 +73,11 @@ def view_shot(shot: Shot, strokes: Sequence[Stroke]) -> tuple[tuple[Stroke, ...]
     application.exec()
     document = window.document
     is_solved = document.is_solved and document.found is not None
-    return document.strokes, document.found.solution if is_solved and document.found else Solution()
+    result = document.strokes, document.found.solution if is_solved and document.found else Solution()
+    window.deleteLater()
+    del window, document
+    collect_anywhere()
+    return result
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -13,6 +13,7 @@ from hydra_viewer.model.easel import Easel
 from hydra_viewer.model.navigation import bounds_under, framed, view_of
 from hydra_viewer.model.work import Opened, preparing
 from hydra_viewer.ui.canvas import Canvas
+from hydra_viewer.ui.collector import collect_here
 from hydra_viewer.ui.live_viewport import LIVE
 from hydra_viewer.ui.solving import Solving
 from hydra_viewer.ui.viewport import ViewportKind
@@ -48,6 +49,7 @@ class PaintingWidget(QWidget):
             viewport: kind of the widget that shows the picture.
         """
         super().__init__(parent)
+        collect_here()
         self.document, self.easel, self.worker = Document(), Easel(), Worker(self)
         self.canvas = Canvas(self.document, self.easel, self.worker, viewport, self)
         self.solving = Solving(self.document, self.worker, self)

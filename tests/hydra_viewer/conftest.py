@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator
 
 import pytest
@@ -9,6 +10,14 @@ from kit import displays
 
 NEED_QT = ["ui", "test_display_menu.py", "test_hydra.py", "test_no_hydra.py", "test_on_a_display.py", "test_usdview.py"]
 collect_ignore = NEED_QT if displays.why_no_qt() else [] if displays.has_hydra() else ["test_hydra.py"]
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _what_windows_left_is_freed() -> Iterator[None]:
+    """On the main thread, before other tests let Python collect on any."""
+    yield
+    if "hydra_viewer.ui.collector" in sys.modules:
+        sys.modules["hydra_viewer.ui.collector"].collect_anywhere()
 
 
 @pytest.fixture(scope="session")
