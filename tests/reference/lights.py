@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -134,3 +135,32 @@ def fibonacci_cone(count: int, half_angle: float = math.pi) -> tuple[NDArray, fl
     phi = i * math.pi * (3 - math.sqrt(5))
     s = np.sqrt(np.maximum(1 - z * z, 0))
     return np.stack([s * np.cos(phi), s * np.sin(phi), z], 1), 2 * math.pi * height / count
+
+
+def shape_points(light: Any, steps: int = 40) -> tuple[NDArray, NDArray]:
+    """Points (n, 3) of a rect, disk, sphere or cylinder in the world, and outward normals (n, 3) as long as areas.
+
+    By the midpoint rule over each shape's own two parameters, tangents by the light's matrix.
+    """
+    s, t = (x.reshape(-1, 1) for x in np.meshgrid(*[(np.arange(steps) + 0.5) / steps] * 2))
+    one, none = np.ones_like(s), np.zeros_like(s)
+    turn, radius = 2 * np.pi * t, light.radius
+    if light.kind == "rect":
+        at = light.width * (s - 0.5), light.height * (t - 0.5), none
+        ds, dt = (light.width, 0, 0), (0, -light.height, 0)
+    elif light.kind == "disk":
+        at = radius * s * np.cos(turn), radius * s * np.sin(turn), none
+        ds = radius * np.cos(turn), radius * np.sin(turn), none
+        dt = 2 * np.pi * radius * s * np.sin(turn), -2 * np.pi * radius * s * np.cos(turn), none
+    elif light.kind == "sphere":
+        up = np.pi * s
+        at = radius * np.sin(up) * np.cos(turn), radius * np.sin(up) * np.sin(turn), radius * np.cos(up)
+        ds = tuple(np.pi * radius * x for x in (np.cos(up) * np.cos(turn), np.cos(up) * np.sin(turn), -np.sin(up)))
+        dt = -2 * np.pi * at[1], 2 * np.pi * at[0], none
+    else:
+        at = light.length * (s - 0.5), radius * np.cos(turn), radius * np.sin(turn)
+        ds, dt = (-light.length, 0, 0), (none, -2 * np.pi * at[2], 2 * np.pi * at[1])
+    frame = np.asarray(light.world_from_light, float)
+    place, ds, dt = (np.concatenate([x * one for x in v], 1) for v in (at, ds, dt))
+    normal = np.cross(ds @ frame[:3, :3].T, dt @ frame[:3, :3].T) / steps**2
+    return place @ frame[:3, :3].T + frame[:3, 3], normal
