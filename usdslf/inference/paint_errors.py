@@ -41,6 +41,7 @@ USUAL_OF_SWATCHES = (0.015, 0.06)  # the same where all dabs have one of few col
 TOGETHER = 0.6  # correlation of both: who is careless with dabs is so with the stroke
 ROUGH = 0.7  # of the inverse length of drift, which the exponential needs to be as smooth near by
 SURE = 0.01  # relative error that all dabs may share, and twice that which each has: the light field's own
+SLACK = 1.4  # by which the variance of dabs with colours of their own grows, as t's scale is less than its width
 OF_SWATCH = 0.8  # of the variance of what a swatch shows (natural logarithms) that its mean is uncertain by
 DEGREES = 2.0  # of freedom of Student's t
 ROUNDS = 3
@@ -213,10 +214,11 @@ def paint_errors(t: Tables, o: Options, c: Candidate, trust: F64 | None = None) 
     explained = own[:, None] * np.concatenate([columns, whole], 1)
     held = np.tile(held_channels(t, c), len(one))  # what they leave says how far the paint is from what can be
     rows = np.flatnonzero(~held)
-    usual = USUAL_OF_SWATCHES if (t.swatch >= 0).all() else USUAL
+    of_swatches = bool((t.swatch >= 0).all())
+    usual = USUAL_OF_SWATCHES if of_swatches else USUAL
     a, b = _sizes((own * residual)[rows], explained[rows], (own[:, None] * alike * own)[np.ix_(rows, rows)], usual)
     b = max(b, (2 * SURE / o.dab_error) ** 2)
-    single = b / own**2 + _of_swatch_means(t, c, together).reshape(-1)
+    single = (1.0 if of_swatches else SLACK) * b / own**2 + _of_swatch_means(t, c, together).reshape(-1)
     covariance = a * alike + SURE**2 * by_channel(same) + np.diag(single + UNSAID**2 * held)
     return PaintErrors(together, a, b, trust, covariance)
 
