@@ -20,10 +20,15 @@ def share_of(items: Sequence[Item]) -> list[Item]:
     return list(items[number::count])
 
 
+def rows_of_share(length: int) -> range:
+    """Returns the part of so many rows, one after the other, that is this run's."""
+    number, count = _share()
+    return range(number * length // count, (number + 1) * length // count)
+
+
 def first_of_share(length: int) -> int:
     """Returns the row of a list at which this run begins, so that runs side by side do not do the same at once."""
-    number, count = _share()
-    return number * length // count
+    return rows_of_share(length).start
 
 
 def _share() -> tuple[int, int]:
