@@ -6,6 +6,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from pathlib import Path
 
 from pxr import Sdf, Usd, UsdShade
 
@@ -45,11 +46,12 @@ class Noting:
         return iter([s for s in specs if s is not None and not targets_of(s)])
 
     def _texture(self, edit: AuthoredEdit) -> tuple[str, str]:
-        """File, as it is named, and digest of the texture that a scale or bias acts on."""
+        """File, without folders of this machine, and digest of the texture that a scale or bias acts on."""
         prim: Usd.Prim = self._look.stage.GetPrimAtPath(Sdf.Path(edit.shown_at).GetPrimPath())
         port = UsdShade.Shader(prim).GetInput("file") if prim else None
         values = port.GetValueProducingAttributes() if port else []
         file = values[0].Get(self._look.time) if values else None
         if not isinstance(file, Sdf.AssetPath):
             return "", ""
-        return file.path, file_digest(file.resolvedPath)
+        name = Path(file.path).name if Path(file.path).is_absolute() else file.path
+        return name, file_digest(file.resolvedPath)
