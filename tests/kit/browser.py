@@ -10,7 +10,7 @@ import shutil
 import subprocess
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 from urllib.request import Request, urlopen
@@ -57,6 +57,20 @@ class Page:
         answer = self._loop.run_until_complete(talk())
         assert "error" not in answer, answer
         return answer.get("result", {})
+
+    def close(self) -> None:
+        """Ends the connection, and waits for its end: one that Python finds open later is an error of any test."""
+
+        async def end() -> None:
+            self._socket.close()
+            while await asyncio.wait_for(self._socket.read_message(), PATIENCE) is not None:
+                pass
+            others = asyncio.all_tasks() - {asyncio.current_task()}
+            for task in others:
+                task.cancel()
+            await asyncio.gather(*others, return_exceptions=True)
+
+        self._loop.run_until_complete(end())
 
     def run(self, script: str) -> Any:
         """Evaluates a script, waiting for its promise; what it throws fails."""
@@ -107,20 +121,21 @@ def opened(file: Path, folder: Path, size: tuple[int, int] = (1500, 1000)) -> It
         "--disable-background-networking", "--disable-extensions", "about:blank",
     ]  # fmt: skip
     process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    loop = asyncio.new_event_loop()
+    loop, ended = asyncio.new_event_loop(), ExitStack()
     try:
         port = _port(profile, process)
         new = Request(f"http://127.0.0.1:{port}/json/new?about:blank", method="PUT")
         with urlopen(new, timeout=PATIENCE) as answer:
             address = json.load(answer)["webSocketDebuggerUrl"]
         page = Page(loop, address)
+        ended.callback(page.close)
         page.call("Page.setDownloadBehavior", behavior="allow", downloadPath=str(folder))
         page.resize(*size)
         page.call("Page.navigate", url=file.resolve().as_uri())
         page.wait("document.readyState === 'complete'")
         yield page
-        page._socket.close()
     finally:
+        ended.close()
         process.terminate()
         process.wait(PATIENCE)
         loop.run_until_complete(asyncio.sleep(0))
