@@ -10,10 +10,12 @@ pixel, and the mean is shown: edges come out smooth on any machine.
 
 from __future__ import annotations
 
+import atexit
 import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from weakref import WeakMethod
 
 import numpy as np
 from numpy.typing import NDArray
@@ -108,6 +110,8 @@ class HydraRenderer(QObject):
         self.holds_stage = False
         if (app := QCoreApplication.instance()) is not None:
             app.aboutToQuit.connect(self.finish)
+        mine = WeakMethod(self.finish)  # a program that ends by an error, its window open, ends all the same
+        atexit.register(lambda: (finish := mine()) and finish())
 
     def ask(self, change: Callable[[Wish], Wish]) -> None:
         """Changes what is wished for; it is drawn next."""
@@ -115,7 +119,7 @@ class HydraRenderer(QObject):
             self._wish = change(self._wish)
             self._wished.notify()
         if self._thread is None and self._wish.is_complete and not self._is_stopped:
-            self._thread = threading.Thread(target=self._draw_all, name="hydra")
+            self._thread = threading.Thread(target=self._draw_all, name="hydra", daemon=True)
             self._thread.start()
 
     def stop(self) -> None:

@@ -58,6 +58,13 @@ class Hand:
         assert pixels is not None
         return np.array(pixels)
 
+    def changed_to_hydra(self, act: Callable[[], object]) -> np.ndarray:
+        """Changes the viewport and waits for its picture at rest; the other's last word may come later than its own."""
+        act()
+        viewport = self.canvas.viewport
+        self.wait(lambda: viewport.pixels() is not None and viewport._drawn.share >= 1)
+        return np.array(viewport.pixels())
+
     def drag(self, path: list[tuple[float, float]], held: Qt.KeyboardModifier = NONE) -> None:
         canvas = self.canvas
         points = [QPoint(round(x * canvas.width()), round(y * canvas.height())) for x, y in path]
@@ -95,7 +102,7 @@ def work(folder: Path) -> dict[str, np.ndarray]:
     window.filing.open(files)
     hand.wait(lambda: window.document.shot is not None)
     built_in, hydra = window.viewport_menu.actions()[:2]
-    out = {"hydra": hand.picture(hydra.trigger), "name": np.array(hand.canvas.kind.name)}
+    out = {"hydra": hand.changed_to_hydra(hydra.trigger), "name": np.array(hand.canvas.kind.name)}
     camera = window.easel.view.camera
     out["orbited"] = hand.picture(lambda: hand.drag([(0.5, 0.5), (0.55, 0.45), (0.6, 0.45)], ALT))
     assert window.easel.view.camera is not camera
