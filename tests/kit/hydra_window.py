@@ -65,6 +65,12 @@ class Hand:
         self.wait(lambda: viewport.pixels() is not None and viewport._drawn.share >= 1)
         return np.array(viewport.pixels())
 
+    def changed_to_built_in(self, act: Callable[[], object]) -> np.ndarray:
+        """Changes the viewport and waits until most of its light is gathered."""
+        act()
+        self.wait(lambda: self.canvas.viewport.pixels() is not None)
+        return self.picture(lambda: None, 0.9)
+
     def drag(self, path: list[tuple[float, float]], held: Qt.KeyboardModifier = NONE) -> None:
         canvas = self.canvas
         points = [QPoint(round(x * canvas.width()), round(y * canvas.height())) for x, y in path]
@@ -130,7 +136,7 @@ def work(folder: Path) -> dict[str, np.ndarray]:
     hand.wait(lambda: window.document.is_saved and window.worker.is_idle)
     out["look"] = np.array((folder / "look.usda").read_text())
     seen_by = window.easel.view.camera
-    out["built in"] = hand.picture(built_in.trigger, 0.1)
+    out["built in"] = hand.changed_to_built_in(built_in.trigger)
     out["same camera"] = np.array(window.easel.view.camera is seen_by)
     out["said"], out["shot unchanged"] = np.array(said), np.array(stage.read_bytes() == before)
     window.close()
