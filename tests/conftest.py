@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 from kit import displays
-from kit.share import first_of_share
+from kit.share import first_of_share, share_of
 
 import usdslf  # noqa: F401  (announces the stroke schema before a test opens a stage)
 from usdslf import cache
@@ -40,7 +40,9 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    items[:] = _from_share(items)
+    divided = [item for item in items if item.get_closest_marker("divided")]
+    others = set(divided) - set(share_of(divided))
+    items[:] = _from_share([item for item in items if item not in others])
     if _assets_required():
         return
     missing = {name for name, folder in (("assets", ASSETS), ("inputs", INPUTS)) if not folder.is_dir()}

@@ -14,6 +14,7 @@ from usdslf.gallery.records import Entry
 ELEMENTS = 1500
 
 
+@pytest.mark.divided
 @pytest.mark.parametrize("entry", ENTRIES, ids=lambda e: e.name)
 def test_the_claim_comes_true(entry: Entry, tmp_path: Path) -> None:
     play = Play(entry, tmp_path, elements=ELEMENTS, pictures=False)

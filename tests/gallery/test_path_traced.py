@@ -18,6 +18,7 @@ NAMES = (
 )  # fmt: skip
 
 
+@pytest.mark.divided
 @pytest.mark.parametrize("name", NAMES)
 def test_what_was_painted_is_nearer(name: str, tmp_path: Path) -> None:
     from gallery.path_traced import nearness

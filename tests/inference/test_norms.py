@@ -17,6 +17,7 @@ KEYS = ("diffuse", "specular", "roughness")
 SEEN = 0.005
 
 
+@pytest.mark.divided
 @pytest.mark.parametrize("name", NAMES)
 def test_l2_moves_what_nobody_asked_for_and_sparse_norms_do_not(name: str, tmp_path: Path) -> None:
     (case,) = select("tuning", [name])

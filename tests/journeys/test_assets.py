@@ -46,6 +46,7 @@ TRIANGLES = {  # faces of the files, n-gons as triangles, four times as many whe
 DEFAULT_LIGHT = "the stage has no light"
 
 
+@pytest.mark.divided
 @pytest.mark.parametrize("entry", [*LIT, *UNLIT])
 def test_a_real_stage_is_read_and_shown(
     entry: str, assets: Path, device: Device, run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

@@ -130,6 +130,7 @@ def chosen_materials(entry: Entry) -> list[int]:
     return sorted(found.values(), key=lambda i: str(found))[:2]
 
 
+@pytest.mark.divided
 @pytest.mark.parametrize("name", ENTRIES)
 def test_looks_of_a_real_stage(name: str, assets: Path, tmp_path: Path) -> None:
     entry = opened(assets / name)
