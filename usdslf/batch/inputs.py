@@ -19,7 +19,8 @@ from pathlib import Path
 
 import usdslf
 from usdslf.batch.job import Job, Result
-from usdslf.batch.places import RECORDS, hash_of
+from usdslf.batch.places import RECORDS
+from usdslf.contents import file_hash
 from usdslf.replacing import replacing
 
 GLOB = "glob:"  # before a pattern, whose hash is that of the names that match it
@@ -43,7 +44,7 @@ class Read:
 def inputs_of(job: Job, read: Read) -> dict[str, str]:
     """Returns the hash of each file of a job, by its path relative to the output folder."""
     own = [*read.files, *(job.file(p) for p in (job.shot, job.strokes, job.look, *job.elsewhere) if p)]
-    found = {_relative(job, path): hash_of(path) for path in sorted({os.path.abspath(p) for p in own})}
+    found = {_relative(job, path): file_hash(path) for path in sorted({os.path.abspath(p) for p in own})}
     found |= {GLOB + _relative(job, p): _names(p) for p in read.patterns}
     return dict(sorted(found.items()))
 
@@ -102,7 +103,7 @@ class Hashes:
         stamp = [status.st_mtime_ns, status.st_size]
         if self.known.get(path, [])[:2] == stamp:
             return str(self.known[path][2])
-        found = hash_of(path)
+        found = file_hash(path)
         if found and time.time() - status.st_mtime > SETTLED:
             self.known[path] = [*stamp, found]
             self.is_changed = True

@@ -10,7 +10,6 @@ name begins with a dot, which the next run removes.
 
 from __future__ import annotations
 
-import hashlib
 import os
 import re
 import shutil
@@ -86,14 +85,3 @@ def remove_abandoned(output: str | os.PathLike[str]) -> None:
     for folder in Path(output).rglob(".*.new") if Path(output).is_dir() else ():
         if re.fullmatch(r"\..+\.[0-9a-f]{12}\.new", folder.name) and folder.stat().st_mtime < old:
             shutil.rmtree(folder, ignore_errors=True)
-
-
-def hash_of(path: str | os.PathLike[str]) -> str:
-    """Returns the hash of a regular file's contents, "" where there is none."""
-    if not os.path.isfile(path):
-        return ""
-    code = hashlib.sha256()
-    with open(path, "rb") as file:
-        while block := file.read(1 << 20):
-            code.update(block)
-    return code.hexdigest()

@@ -14,8 +14,9 @@ from typing import TYPE_CHECKING
 from usdslf.batch.found import Worker
 from usdslf.batch.inputs import inputs_of, row_of
 from usdslf.batch.job import Job, Result
-from usdslf.batch.places import hash_of, staged
+from usdslf.batch.places import staged
 from usdslf.batch.records import RESULT, forget_failure, text_of, without_root
+from usdslf.contents import file_hash
 from usdslf.errors import InputError
 from usdslf.progress import hearing
 
@@ -46,7 +47,7 @@ def run_job(job: Job, say: Say | None = None) -> Result:
             job.name, job.kind, lines=found.lines, findings=found.findings, values=values, inputs=inputs
         )  # fmt: skip
         result = without_root(job, result)
-        result = replace(result, files={name: hash_of(folder / name) for name in names})
+        result = replace(result, files={name: file_hash(folder / name) for name in names})
         (folder / RESULT).write_text(text_of(result.as_values()), encoding="utf-8")
     forget_failure(job)
     return result

@@ -6,13 +6,13 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from usdslf.contents import file_hash
 from usdslf.errors import InputError
 from usdslf.replacing import is_file
 from usdslf.usd.review.accept import Wish
@@ -76,7 +76,7 @@ def read_verdict(path: str | os.PathLike[str], look: str | os.PathLike[str]) -> 
     found = Verdict(name, named, digest, by, _decided(values, name))
     if not is_file(look):
         raise InputError(f"there is no look layer {look}; make one with: usdslf solve")
-    if found.look_hash != hashlib.sha256(Path(look).read_bytes()).hexdigest():
+    if found.look_hash != file_hash(look):
         raise InputError(f"{name} is a verdict of another state of {found.look or 'a look'}: review {look} again")
     return found
 

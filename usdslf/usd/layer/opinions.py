@@ -14,17 +14,16 @@ that is relative to another one (scale and bias of a texture) means something el
 
 from __future__ import annotations
 
-import hashlib
+import os
 from functools import lru_cache
 from typing import Any
 
 import numpy as np
 from pxr import Sdf, Vt
 
+from usdslf.contents import file_hash
 from usdslf.replacing import is_file
 from usdslf.usd.look_data import KEY, our_data, texts
-
-BLOCK = 1 << 20  # bytes read at once
 
 
 def note_opinion(
@@ -82,19 +81,14 @@ def file_digest(path: str) -> str:
     """Returns the digest of a file, 12 hexadecimal digits; "" where there is none."""
     if not path or not is_file(path):
         return ""
-    from os import stat
-
-    found = stat(path)
+    found = os.stat(path)
     return _digest(path, found.st_mtime_ns, found.st_size)
 
 
 @lru_cache(maxsize=256)
 def _digest(path: str, changed: int, size: int) -> str:
-    digest = hashlib.sha256()
-    with open(path, "rb") as file:
-        while block := file.read(BLOCK):
-            digest.update(block)
-    return digest.hexdigest()[:12]
+    """Of the file as it was then: with another time or size it is read anew."""
+    return file_hash(path)[:12]
 
 
 def _as_usd(value: Any) -> Any:

@@ -10,7 +10,6 @@ accepted for some of its gprims becomes a new one that inherits it and is bound 
 
 from __future__ import annotations
 
-import hashlib
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -19,6 +18,7 @@ from typing import Any
 
 from pxr import Gf, Sdf, Usd, Vt
 
+from usdslf.contents import file_hash
 from usdslf.errors import InputError
 from usdslf.usd.author.author import check_look_place
 from usdslf.usd.author.variants import AS_IT_WAS, flatten_variants, variant_name, variants_in
@@ -280,7 +280,7 @@ class _Accepting:
         kept_of = {m: ", ".join(k) for m, k in self.partly.items() if k}
         data: dict[str, Any] = {
             "look": look.name,
-            "lookHash": hashlib.sha256(look.read_bytes()).hexdigest(),
+            "lookHash": file_hash(look),
             "leftOut": Vt.StringArray(list(self.told()[1])),
             "partOf": Vt.StringArray([f"{m} for {k}" for m, k in kept_of.items()]),
         }

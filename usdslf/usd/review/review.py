@@ -8,15 +8,14 @@
 
 from __future__ import annotations
 
-import hashlib
 import os
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 from pxr import Sdf, Usd, UsdValidation
 
+from usdslf.contents import file_hash
 from usdslf.edits.collateral import Collateral, words_of
 from usdslf.errors import InputError, StageError, StrokeError
 from usdslf.strokes.stroke import Stroke
@@ -123,7 +122,7 @@ class _Reviewing:
         return LookReview(
             shot=stage.GetRootLayer().realPath,
             look=layer.realPath,
-            look_hash=hashlib.sha256(Path(layer.realPath).read_bytes()).hexdigest(),
+            look_hash=file_hash(layer.realPath),
             materials=tuple(materials),
             edits=tuple(edits),
             gprims=tuple(self._gprims(materials, edits)),
