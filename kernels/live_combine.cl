@@ -135,9 +135,7 @@ __kernel void filter_light(
 
 inline float3 radiance_of(__global const float *s, __global const float *l)
 {
-    float3 d = row3(s, DIFFUSE), f0 = row3(s, F_ZERO), f90 = row3(s, F_NINETY);
-    return d * ((1.0f - f0) * row3(l, 0) + (1.0f - f90) * row3(l, 3)) + f0 * row3(l, 6) + f90 * row3(l, 9) + row3(l, 12)
-           + row3(s, EMISSION);
+    return of_columns(s, row3(l, 0), row3(l, 3), row3(l, 6), row3(l, 9), row3(l, 12)) + row3(s, EMISSION);
 }
 
 /* what was shown before the light changed, without the diffuse light of the elements; [15] says whether anything was

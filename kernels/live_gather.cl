@@ -356,12 +356,7 @@ __kernel void add_frame(
         size_t at = kind * count + i;
         if (!(ray_length[at] > 0.0f)) continue;
         __global const float *ray = drawn_ray + at * DRAWN_RAY;
-        float3 lit = row3(arrived + at * 8, 0), bounced = row3(arrived + at * 8, 3);
-        float brings = bright(bounced) * ray[RAY_MATTE];
-        if (ray[RAY_ELEMENT] >= 0.0f) {
-            float most = RAY_MOST * arriving[(int)ray[RAY_ELEMENT]];
-            if (brings > most) bounced *= most / brings;
-        }
+        float3 lit = row3(arrived + at * 8, 0), bounced = held_back(ray, row3(arrived + at * 8, 3), arriving);
         if (kind == 1) {
             for (int k = 0; k < DIFFUSE_COLUMNS; k++) {
                 direct[k] += ray[RAY_WEIGHTS + k] * lit;
@@ -379,9 +374,7 @@ __kernel void add_frame(
     put3(row3(out, 6) + soft[0], out, 6);
     put3(row3(out, 9) + soft[1], out, 9);
     for (int k = 2; k < WEIGHTS; k++) put3(row3(out, 6 + 3 * k) + direct[k], out, 6 + 3 * k);
-    float3 d = row3(surface, DIFFUSE), f0 = row3(surface, F_ZERO), f90 = row3(surface, F_NINETY);
-    float l = bright(d * ((1.0f - f0) * (direct[0] + soft[0]) + (1.0f - f90) * (direct[1] + soft[1])) + f0 * direct[2]
-                     + f90 * direct[3] + direct[4]);
+    float l = bright(of_columns(surface, direct[0] + soft[0], direct[1] + soft[1], direct[2], direct[3], direct[4]));
     moments[2 * row] += l;
     moments[2 * row + 1] += l * l;
 }

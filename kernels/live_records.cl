@@ -83,11 +83,26 @@ inline float random(uint *state)
     return (float)(w >> 8) * 0x1p-24f;
 }
 
-/* radiance of colours under weights (5) of columns, X, Y, A, B and coat */
-inline float3 reflected(__global const float *surface, const float *w)
+/* radiance that a surface's colours make of the columns of light X, Y, A, B and coat */
+inline float3 of_columns(__global const float *surface, float3 x, float3 y, float3 a, float3 b, float3 coat)
 {
     float3 d = row3(surface, DIFFUSE), f0 = row3(surface, F_ZERO), f90 = row3(surface, F_NINETY);
-    return d * ((1.0f - f0) * w[0] + (1.0f - f90) * w[1]) + f0 * w[2] + f90 * w[3] + w[4];
+    return d * ((1.0f - f0) * x + (1.0f - f90) * y) + f0 * a + f90 * b + coat;
+}
+
+/* the same of weights (5), the columns of light of radiance 1 */
+inline float3 reflected(__global const float *surface, const float *w)
+{
+    return of_columns(surface, (float3)(w[0]), (float3)(w[1]), (float3)(w[2]), (float3)(w[3]), (float3)(w[4]));
+}
+
+/* what surfaces send along a ray; a ray of a wide lobe brings at most RAY_MOST of what arrives at its element on average
+ * arriving (N): of the elements */
+inline float3 held_back(__global const float *ray, float3 bounced, __global const float *arriving)
+{
+    if (!(ray[RAY_ELEMENT] >= 0.0f)) return bounced;
+    float brings = bright(bounced) * ray[RAY_MATTE], most = RAY_MOST * arriving[(int)ray[RAY_ELEMENT]];
+    return brings > most ? bounced * (most / brings) : bounced;
 }
 
 /* what blend_at of lookup.cl gives, without moving names about: the weights (PER_ENTRY), which sum to 1, of the elements of an entry, of

@@ -54,11 +54,15 @@ __kernel void tile_rows(
     sharp_place[p] = place[p] & (tile * tile - 1);
 }
 
-/* radiance that colours make of light columns */
-inline float3 of_columns(__global const float *s, float16 l)
+inline float3 of_sums(__global const float *surface, float16 l)
 {
-    float3 d = row3(s, DIFFUSE), f0 = row3(s, F_ZERO), f90 = row3(s, F_NINETY);
-    return d * ((1.0f - f0) * l.s012 + (1.0f - f90) * l.s345) + f0 * l.s678 + f90 * l.s9ab + l.scde;
+    return of_columns(surface, l.s012, l.s345, l.s678, l.s9ab, l.scde);
+}
+
+/* light of one radiance as columns */
+inline float16 weighted(const float *w, float3 radiance)
+{
+    return (float16)(w[0] * radiance, w[1] * radiance, w[2] * radiance, w[3] * radiance, w[4] * radiance, 0.0f);
 }
 
 /* is_first: the sums are begun; sent (rows): luminance that this frame alone makes; arguments as of add_frame of live_gather.cl */
@@ -89,25 +93,19 @@ __kernel void add_samples(
             at_once += reflected(surface, w) * radiance;
             continue;
         }
-        float16 more = (float16)(w[0] * radiance, w[1] * radiance, w[2] * radiance, w[3] * radiance, w[4] * radiance, 0.0f);
-        sums[each && kind == DOME ? 1 : 0] += more;
+        sums[each && kind == DOME ? 1 : 0] += weighted(w, radiance);
     }
     for (int kind = 0; kind < 2; kind++) {
         size_t at = kind * count + i;
         if (!(ray_length[at] > 0.0f)) continue;
         __global const float *ray = drawn_ray + at * DRAWN_RAY;
-        float3 lit = row3(arrived + at * 8, 0), bounce = row3(arrived + at * 8, 3);
-        float brings = bright(bounce) * ray[RAY_MATTE];
-        if (ray[RAY_ELEMENT] >= 0.0f) {
-            float most = RAY_MOST * arriving[(int)ray[RAY_ELEMENT]];
-            if (brings > most) bounce *= most / brings;
-        }
-        __global const float *w = ray + RAY_WEIGHTS;
-        sums[1] += (float16)(w[0] * lit, w[1] * lit, w[2] * lit, w[3] * lit, w[4] * lit, 0.0f);
-        sums[2] += (float16)(w[0] * bounce, w[1] * bounce, w[2] * bounce, w[3] * bounce, w[4] * bounce, 0.0f);
+        float w[WEIGHTS];
+        for (int k = 0; k < WEIGHTS; k++) w[k] = ray[RAY_WEIGHTS + k];
+        sums[1] += weighted(w, row3(arrived + at * 8, 0));
+        sums[2] += weighted(w, held_back(ray, row3(arrived + at * 8, 3), arriving));
     }
     float16 zero = (float16)(0.0f);
-    sent[row] = bright(of_columns(surface, sums[0] + sums[1] + sums[2]));
+    sent[row] = bright(of_sums(surface, sums[0] + sums[1] + sums[2]));
     if (near == far) sums[1] += sums[0];
     if (bounced == far) sums[1] += sums[2];
     if (near != far) vstore16((is_first ? zero : vload16(row, near)) + sums[0], row, near);
@@ -124,7 +122,7 @@ __kernel void add_radiance(
     size_t at = get_global_id(0);
     if (at >= count) return;
     size_t i = rows[at];
-    float3 sum = of_columns(surfaces + i * SURFACE, vload16(i, light));
+    float3 sum = of_sums(surfaces + i * SURFACE, vload16(i, light));
     store3(load3(radiance, i) + scale * sum, radiance, i);
 }
 
