@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from PySide6.QtCore import QEvent, QSignalBlocker, Qt, Signal
+from PySide6.QtCore import QSignalBlocker, Qt, Signal
 from PySide6.QtGui import QKeyEvent
 from PySide6.QtWidgets import (
     QButtonGroup,
@@ -11,7 +11,6 @@ from PySide6.QtWidgets import (
     QFormLayout,
     QHBoxLayout,
     QLabel,
-    QListWidget,
     QPushButton,
     QToolButton,
     QVBoxLayout,
@@ -22,28 +21,23 @@ from hydra_viewer.model.comparison import BEFORE, MODES, MOST_GAIN, Comparison
 from hydra_viewer.model.document import Document
 from hydra_viewer.ui import panel_words as words
 from hydra_viewer.ui import theme
+from hydra_viewer.ui.own_keys import KeyList
 from hydra_viewer.ui.words import tooltip
 
-KEYS = (Qt.Key.Key_Delete, Qt.Key.Key_Backspace, Qt.Key.Key_Return, Qt.Key.Key_Enter)
+FORGETS, SHOWS = (Qt.Key.Key_Delete, Qt.Key.Key_Backspace), (Qt.Key.Key_Return, Qt.Key.Key_Enter)
 
 
-class _Snapshots(QListWidget):
+class _Snapshots(KeyList):
     """Kept looks; Enter shows one, Delete forgets it."""
 
+    own_keys = FORGETS + SHOWS
     dropped = Signal()
     taken = Signal()
 
-    def event(self, event: QEvent) -> bool:
-        """Keys of the list are its own while it has the focus."""
-        if event.type() == QEvent.Type.ShortcutOverride and isinstance(event, QKeyEvent) and event.key() in KEYS:
-            event.accept()
-            return True
-        return super().event(event)
-
     def keyPressEvent(self, event: QKeyEvent) -> None:
-        if event.key() in KEYS[:2]:
+        if event.key() in FORGETS:
             self.dropped.emit()
-        elif event.key() in KEYS[2:]:
+        elif event.key() in SHOWS:
             self.taken.emit()
         else:
             super().keyPressEvent(event)

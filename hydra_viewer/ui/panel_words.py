@@ -8,7 +8,6 @@ from collections.abc import Mapping
 NOTHING_PAINTED = "Paint on the picture how a surface should look.\nWhat is understood of it is said here."
 LOOKING = "Looking at the strokes …"
 CHOSEN = "shown"
-EXPLAINS = "explains"
 ALTERNATIVES = "Or did you mean"
 QUESTION = "Which did you mean?"
 QUESTION_TIP = "Both explain the paint about equally well"
@@ -18,7 +17,6 @@ BY_HAND = "chosen by you"
 LET_DECIDE = ("Let it decide", "Take the likeliest explanation again")
 NEXT_DAB = ("Where to dab next", "Mark the place where one more dab tells the leading explanations apart, with the "
             "colour that each expects there")  # fmt: skip
-HIDE_DAB = ("Hide the mark", "Take the mark off the picture")
 DECIDES, HARDLY_DECIDES = "one dab here decides", "a dab here helps, but does not decide alone"
 SCOPE_TITLE = "The change goes on to"
 SCOPES = {

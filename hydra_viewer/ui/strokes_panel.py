@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from PySide6.QtCore import QEvent, QItemSelectionModel, QSignalBlocker, Qt, QTimer, Signal
+from PySide6.QtCore import QItemSelectionModel, QSignalBlocker, Qt, QTimer, Signal
 from PySide6.QtGui import QColor, QDropEvent, QIcon, QKeyEvent
 from PySide6.QtWidgets import (
     QAbstractItemView,
@@ -13,7 +13,6 @@ from PySide6.QtWidgets import (
     QHeaderView,
     QLabel,
     QPushButton,
-    QTreeWidget,
     QTreeWidgetItem,
     QVBoxLayout,
     QWidget,
@@ -26,6 +25,7 @@ from hydra_viewer.model.stroke_edits import changed, deleted, described, moved, 
 from hydra_viewer.ui import panel_words as words
 from hydra_viewer.ui.explaining import Explaining
 from hydra_viewer.ui.icons import icon
+from hydra_viewer.ui.own_keys import KeyTree
 from hydra_viewer.ui.stroke_fields import StrokeFields
 from hydra_viewer.ui.swatches import swatch_icon
 from hydra_viewer.ui.words import tooltip
@@ -33,10 +33,9 @@ from usdslf import Stroke
 
 NAME = Qt.ItemDataRole.UserRole
 CTRL = Qt.KeyboardModifier.ControlModifier
-KEYS = (Qt.Key.Key_Space, Qt.Key.Key_Delete, Qt.Key.Key_Backspace, Qt.Key.Key_Up, Qt.Key.Key_Down, Qt.Key.Key_A)
 
 
-class StrokeTree(QTreeWidget):
+class StrokeTree(KeyTree):
     """The list itself.
 
     Attributes:
@@ -45,17 +44,11 @@ class StrokeTree(QTreeWidget):
         dropped: Signal(): rows are in another order.
     """
 
+    own_keys = (Qt.Key.Key_Space, Qt.Key.Key_Delete, Qt.Key.Key_Backspace, Qt.Key.Key_Up, Qt.Key.Key_Down, Qt.Key.Key_A)
     deleted = Signal()
     toggled = Signal()
     moved = Signal(int)
     dropped = Signal()
-
-    def event(self, event: QEvent) -> bool:
-        """Keys of the list are its own while it has the focus, whatever shortcut the window has for them."""
-        if event.type() == QEvent.Type.ShortcutOverride and isinstance(event, QKeyEvent) and event.key() in KEYS:
-            event.accept()
-            return True
-        return super().event(event)
 
     def keyPressEvent(self, event: QKeyEvent) -> None:
         key, is_ctrl = event.key(), bool(event.modifiers() & CTRL)

@@ -16,6 +16,7 @@ from hydra_viewer.ui import theme
 from usdslf import Shot
 
 EDGE = QColor("#262626")
+ROW = QSize(120, 20)  # pixels, at least
 
 
 def shown(linear: Sequence[float] | NDArray, shot: Shot, display: DisplaySettings) -> QColor:
@@ -50,17 +51,24 @@ def swatch_icon(color: QColor, size: int = 14) -> QIcon:
     return QIcon(pixmap)
 
 
-class ColorChange(QWidget):
+class _Row(QWidget):
+    """A line of a card, as wide as there is room."""
+
+    def __init__(self, parent: QWidget | None) -> None:
+        super().__init__(parent)
+        self.setFixedHeight(ROW.height())
+        self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Fixed)
+
+    def sizeHint(self) -> QSize:
+        return ROW
+
+
+class ColorChange(_Row):
     """A colour before and after, side by side."""
 
     def __init__(self, before: QColor, after: QColor, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self._colors = before, after
-        self.setFixedHeight(20)
-        self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Fixed)
-
-    def sizeHint(self) -> QSize:
-        return QSize(120, 20)
 
     def paintEvent(self, event: QPaintEvent) -> None:
         painter = QPainter(self)
@@ -74,7 +82,7 @@ class ColorChange(QWidget):
         _draw_arrow(painter, QPointF(wide + gap / 2, self.height() / 2))
 
 
-class ValueChange(QWidget):
+class ValueChange(_Row):
     """A value 0..1 on a line: where it was, where it is, and the range that the paint allows."""
 
     def __init__(
@@ -82,11 +90,6 @@ class ValueChange(QWidget):
     ) -> None:  # fmt: skip
         super().__init__(parent)
         self._before, self._after, self._ends = before, after, ends
-        self.setFixedHeight(20)
-        self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Fixed)
-
-    def sizeHint(self) -> QSize:
-        return QSize(120, 20)
 
     def paintEvent(self, event: QPaintEvent) -> None:
         painter = QPainter(self)

@@ -204,7 +204,7 @@ GESTURES = (
 # Questions.
 NOT_SAVED = "Strokes of this shot are not saved."
 NOT_SAVED_MORE = "Save them before going on?"
-RECOVER, DISCARD, RELOAD, LATER = "Recover", "Discard", "Reload", "Later"
+RECOVER, DISCARD, RELOAD = "Recover", "Discard", "Reload"
 STAGE_CHANGED = "The shot has changed on the disk. Reload it and put the strokes on it again?"
 
 
