@@ -2,30 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from kit.lit_plane import dabs
-from kit.stage_parts import StageBuilder, Triple
+from kit.lit_plane import Inputs, Lamp, dabs, seen_under
+from kit.stage_parts import StageBuilder
 from pxr import Gf, Usd, UsdGeom, UsdLux
-from reference import evidence as ref
-from reference.solve import radiance
 
 from usdslf.strokes.stroke import Stroke
 
 MATERIAL = "/World/mtl/paint"
-Inputs = tuple[Triple, Triple, float]  # diffuse, specular, roughness
-
-
-@dataclass(frozen=True)
-class Lamp:
-    """A rect light that shines down, and the eye of its shot."""
-
-    at: Triple
-    size: tuple[float, float] = (0.6, 0.5)
-    power: Triple = (4.0, 3.6, 3.0)
-    eye: Triple = (0.9, 0.5, 1.4)
 
 
 def write_asset(folder: Path, before: Inputs) -> Path:
@@ -36,11 +22,7 @@ def write_asset(folder: Path, before: Inputs) -> Path:
     look = b.material(
         "paint", useSpecularWorkflow=1.0, diffuseColor=diffuse, specularColor=specular, roughness=roughness
     )  # fmt: skip
-    plane = UsdGeom.Plane.Define(b.stage, "/World/floor")
-    plane.CreateAxisAttr("Z")
-    plane.CreateWidthAttr(4.0)
-    plane.CreateLengthAttr(4.0)
-    b._place(plane, look, (0, 0, 0), 0.0)
+    b.plane("floor", 4.0, 4.0, look, axis="Z")
     target = folder / "asset.usda"
     b.stage.GetRootLayer().Export(str(target))
     return target
@@ -68,21 +50,9 @@ def write_shot(folder: Path, asset: Path, lamp: Lamp) -> Path:
     return target
 
 
-def seen(points: np.ndarray, lamp: Lamp, inputs: Inputs) -> np.ndarray:
-    """Radiance (n, 3) of the plane from the lamp's eye, by quadrature over the lamp."""
-    diffuse, specular, roughness = inputs
-    columns = []
-    for p in points:
-        l, solid = ref.light_directions("rect", lamp.size, np.array(lamp.at), p, 64)
-        eye = np.array(lamp.eye) - p
-        columns.append(ref.columns_of_light("preview_surface", roughness, [0, 0, 1], eye, l, solid))
-    light = np.array(columns)[..., None] * np.array(lamp.power)
-    return radiance("preview_surface", light, diffuse, specular, (1, 1, 1))
-
-
 def painted(points: np.ndarray, lamp: Lamp, after: Inputs, **other: object) -> Stroke:
     """What the plane is to look like under a lamp, exactly, at points of it."""
-    return dabs(points, seen(points, lamp, after), np.array(lamp.eye), **other)
+    return dabs(points, seen_under(lamp, points, after), np.array(lamp.eye), **other)
 
 
 # ---- cases in which each shot alone is wrong or ambiguous -----------------------------------------------------------

@@ -2,19 +2,31 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from kit.stage_parts import StageBuilder
-from pxr import Gf, UsdGeom, UsdLux
+from kit.stage_parts import StageBuilder, Triple
+from pxr import Gf, UsdLux
 from reference import evidence as ref
 from reference.solve import radiance
 
 from usdslf.strokes.stroke import Stroke
 
+Inputs = tuple[Triple, Triple, float]  # diffuse, specular, roughness
 EYE = np.array([0.9, 0.5, 1.4])
 LAMP, SIZE, POWER = np.array([-0.8, -0.4, 1.3]), (0.8, 0.5), np.array([4.0, 3.6, 3.0])
 FLOOR = {"diffuse": (0.4, 0.3, 0.2), "specular": (0.05, 0.05, 0.05), "roughness": 0.3}
+
+
+@dataclass(frozen=True)
+class Lamp:
+    """A rect light that shines down, and the eye of its shot."""
+
+    at: Triple
+    size: tuple[float, float] = (0.6, 0.5)
+    power: Triple = (4.0, 3.6, 3.0)
+    eye: Triple = (0.9, 0.5, 1.4)
 
 
 def write_plane(folder: Path) -> Path:
@@ -24,11 +36,7 @@ def write_plane(folder: Path) -> Path:
         "floor", useSpecularWorkflow=1.0, diffuseColor=FLOOR["diffuse"], specularColor=FLOOR["specular"],
         roughness=FLOOR["roughness"],
     )  # fmt: skip
-    plane = UsdGeom.Plane.Define(b.stage, "/World/floor")
-    plane.CreateAxisAttr("Z")
-    plane.CreateWidthAttr(4.0)
-    plane.CreateLengthAttr(4.0)
-    b._place(plane, look, (0, 0, 0), 0.0)
+    b.plane("floor", 4.0, 4.0, look, axis="Z")
     light = UsdLux.RectLight.Define(b.stage, "/World/lamp")
     light.CreateWidthAttr(SIZE[0])
     light.CreateHeightAttr(SIZE[1])
@@ -41,11 +49,19 @@ def write_plane(folder: Path) -> Path:
 
 def seen(points: np.ndarray, diffuse: tuple, specular: tuple, roughness: float) -> np.ndarray:
     """Radiance (n, 3) of the plane from the eye, by quadrature over the lamp."""
+    return seen_under(Lamp(tuple(LAMP), SIZE, tuple(POWER), tuple(EYE)), points, (diffuse, specular, roughness))
+
+
+def seen_under(lamp: Lamp, points: np.ndarray, inputs: Inputs) -> np.ndarray:
+    """Radiance (n, 3) of the plane from a lamp's eye, by quadrature over the lamp."""
+    diffuse, specular, roughness = inputs
     columns = []
     for p in points:
-        l, solid = ref.light_directions("rect", SIZE, LAMP, p, 64)
-        columns.append(ref.columns_of_light("preview_surface", roughness, [0, 0, 1], EYE - p, l, solid))
-    return radiance("preview_surface", np.array(columns)[..., None] * POWER, diffuse, specular, (1, 1, 1))
+        l, solid = ref.light_directions("rect", lamp.size, np.array(lamp.at), p, 64)
+        eye = np.array(lamp.eye) - p
+        columns.append(ref.columns_of_light("preview_surface", roughness, [0, 0, 1], eye, l, solid))
+    light = np.array(columns)[..., None] * np.array(lamp.power)
+    return radiance("preview_surface", light, diffuse, specular, (1, 1, 1))
 
 
 def places() -> np.ndarray:

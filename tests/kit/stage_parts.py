@@ -174,10 +174,10 @@ class StageBuilder:
         gprim.AddScaleOp().Set(Gf.Vec3f(*sides))
         return path
 
-    def plane(self, name: str, width: float, length: float, material: str, y: float = 0.0) -> str:
-        """Adds a horizontal Plane about the origin."""
+    def plane(self, name: str, width: float, length: float, material: str, y: float = 0.0, axis: str = "Y") -> str:
+        """Adds a Plane about the origin, horizontal where its normal is along Y."""
         gprim = UsdGeom.Plane.Define(self.stage, f"/World/{name}")
-        gprim.CreateAxisAttr("Y")
+        gprim.CreateAxisAttr(axis)
         gprim.CreateWidthAttr(width)
         gprim.CreateLengthAttr(length)
         return self._place(gprim, material, (0, y, 0), 0.0)
