@@ -92,7 +92,7 @@ class ShotCache:
         return self._kept("field", lambda: {"radiance": compute()}, *parts)["radiance"]
 
     def _kept(self, kind: str, compute: Callable[[], Arrays], *parts: str | int) -> dict[str, NDArray]:
-        return cache.arrays(cache.address(kind, VERSION, program_version(), *parts), compute, of_shot=True)
+        return cache.arrays(cache.address(kind, VERSION, program_code(), *parts), compute, of_shot=True)
 
     @cached_property
     def _appearance(self) -> str:
@@ -136,7 +136,7 @@ def _contents(path: str, stamp: tuple[int, int]) -> bytes:
 
 
 @lru_cache(1)
-def program_version() -> str:
+def program_code() -> str:
     """Names what computes: the text of all modules and kernels, and the libraries beneath."""
     code = hashlib.blake2b(digest_size=20)
     here = Path(__file__).parent

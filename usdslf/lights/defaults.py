@@ -19,7 +19,7 @@ def default_lights(scene: Scene) -> tuple[tuple[Light, ...], str]:
     A distant key from over the left shoulder of the first camera, 35 degrees above its view, and a white
     dome: together a white diffuse surface that faces the key has a radiance of about 1.
     """
-    up = np.array([0.0, 0, 1]) if scene.up_axis == "Z" else np.array([0.0, 1, 0])
+    up = scene.up
     back = np.array([0.0, -1, 0]) if scene.up_axis == "Z" else np.array([0.0, 0, 1])
     seen_from = "a viewer in front"
     if scene.cameras:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from usdslf.lights.sources import EmissiveSurfaces, SurfaceEmission
 from usdslf.rays import RayTracer
+from usdslf.scene.cameras import looking
 from usdslf.scene.records import F64, Camera, Scene
 
 APERTURE = 36.0, 20.25  # 16 : 9, as pictures are by default
@@ -23,7 +24,7 @@ TURN, LIFT = 0.3, 0.35  # to the right and up, per step to the front
 
 def overview_camera(scene: Scene, tracer: RayTracer) -> Camera:
     """Returns a perspective camera, film 16 : 9, without a path."""
-    up = np.array([0.0, 0, 1]) if scene.up_axis == "Z" else np.array([0.0, 1, 0])
+    up = scene.up
     front = np.array([0.0, -1, 0]) if scene.up_axis == "Z" else np.array([0.0, 0, 1])
     middle = find_room(scene, tracer)
     if middle is not None:
@@ -35,7 +36,7 @@ def overview_camera(scene: Scene, tracer: RayTracer) -> Camera:
 
 def fit_eye(scene: Scene, back: F64, up: F64) -> F64:
     """Returns the nearest place (3,) from which all vertices are in the picture of a camera that looks along -back."""
-    axes = _axes(back, up)
+    axes = looking(np.zeros(3), back, up)[:3, :3]
     points = np.concatenate([m.positions for m in scene.meshes if len(m.triangles)]).astype(np.float64)
     local = points[np.isfinite(points).all(1)] @ axes
     place, depth = np.zeros(3), local[:, 2].max()
@@ -90,17 +91,7 @@ def _end_of_room(tracer: RayTracer, middle: F64, up: F64, front: F64) -> tuple[F
 
 
 def _camera(eye: F64, back: F64, up: F64, focal_length: float) -> Camera:
-    m = np.eye(4)
-    m[:3, :3], m[:3, 3] = _axes(back, up), eye
-    return Camera("", m, *APERTURE, focal_length)
-
-
-def _axes(back: F64, up: F64) -> F64:
-    """Returns right, up and back as columns (3, 3)."""
-    back = back / np.linalg.norm(back)
-    right = np.cross(up, back)
-    right /= np.linalg.norm(right)
-    return np.stack([right, np.cross(back, right), back], 1)
+    return Camera("", looking(eye, back, up), *APERTURE, focal_length)
 
 
 def _all_around(n: int) -> NDArray[np.float32]:

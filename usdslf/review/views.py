@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdslf.render.overview_camera import APERTURE, FOCAL_LENGTH
-from usdslf.scene.cameras import camera_rays
+from usdslf.scene.cameras import camera_rays, looking
 from usdslf.scene.records import F64, Camera, Scene
 from usdslf.shot import Shot
 from usdslf.strokes.stroke import Stroke
@@ -158,7 +158,7 @@ def _around(shot: Shot, camera: Camera, about: F64) -> Iterator[View]:
 
 def _turned(scene: Scene, camera: Camera, about: F64, turn: float, rise: float, share: float) -> Camera:
     """A camera turned about a point [degrees], nearer by a share of the distance."""
-    up = np.array([0.0, 0, 1]) if scene.up_axis == "Z" else np.array([0.0, 1, 0])
+    up = scene.up
     arm = _eye(camera) - about
     c, s = np.cos(np.radians(turn)), np.sin(np.radians(turn))
     arm = arm * c + np.cross(up, arm) * s + up * (up @ arm) * (1 - c)
@@ -171,14 +171,7 @@ def _turned(scene: Scene, camera: Camera, about: F64, turn: float, rise: float, 
 
 
 def _looking(scene: Scene, eye: F64, at: F64, like: Camera | None = None) -> Camera:
-    up = np.array([0.0, 0, 1]) if scene.up_axis == "Z" else np.array([0.0, 1, 0])
-    back = eye - at
-    back = back / max(float(np.linalg.norm(back)), 1e-30)
-    right = np.cross(up, back)
-    right = right if np.linalg.norm(right) > 1e-6 else np.array([1.0, 0, 0])
-    right = right / np.linalg.norm(right)
-    matrix = np.eye(4)
-    matrix[:3, :3], matrix[:3, 3] = np.stack([right, np.cross(back, right), back], 1), eye
+    matrix = looking(eye, eye - at, scene.up)
     if like is None or not like.perspective:
         return Camera("", matrix, *APERTURE, FOCAL_LENGTH)
     return Camera("", matrix, like.horizontal_aperture, like.vertical_aperture, like.focal_length)

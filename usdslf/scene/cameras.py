@@ -28,6 +28,23 @@ class CameraRays:
     near: F32  # (n,) distance from the eye to the origin
 
 
+def looking(eye: F64, back: F64, up: F64) -> F64:
+    """Returns a camera's matrix (4, 4), world from camera: its axes right, up and back as columns, and where it is.
+
+    Args:
+        eye: (3,) where it is.
+        back: (3,) away from what it looks at, of any length but 0.
+        up: (3,) unit; where it looks along that, its right is x.
+    """
+    back = back / max(float(np.linalg.norm(back)), 1e-30)
+    right = np.cross(up, back)
+    size = float(np.linalg.norm(right))
+    right = right / size if size > 1e-6 else np.array([1.0, 0.0, 0.0])
+    matrix = np.eye(4)
+    matrix[:3, :3], matrix[:3, 3] = np.stack([right, np.cross(back, right), back], 1), eye
+    return matrix
+
+
 def film_window(camera: Camera, aspect: float) -> tuple[float, float, float, float]:
     """Returns left, right, bottom and top of the film for a picture of width / height = `aspect`.
 

@@ -279,6 +279,11 @@ class Scene:
             first_of_mesh=np.concatenate([[0], np.cumsum(count)]).astype(np.int32),
         )
 
+    @property
+    def up(self) -> F64:
+        """The unit vector (3,) that points up."""
+        return np.array([0.0, 0.0, 1.0]) if self.up_axis == "Z" else np.array([0.0, 1.0, 0.0])
+
     def shown_on(self, material: int) -> tuple[str, ...]:
         """Returns the paths of the gprims that show a material, by its index."""
         table = self.triangles
