@@ -34,7 +34,7 @@ from usdslf.provenance import program_version, words_of_phong, words_of_solve
 from usdslf.render.live.picture import LivePicture
 from usdslf.render.picture import LitScene, PictureOptions, render_bands
 from usdslf.scene.records import Camera, Scene
-from usdslf.shot import Shot, converge
+from usdslf.shot import Shot
 from usdslf.solution import Solution
 from usdslf.strokes.anchors import locate_stroke
 from usdslf.stylize.changes import with_styles
@@ -359,7 +359,7 @@ def _read_back(
     def looked_at() -> tuple[Stylized | None, list[float]]:
         """What the light field of the look is to a style, and the residuals of what varies."""
         under = field.with_surface(Surface.of(refresh_reflectance(shot.elements, shot.scene, scene)))
-        converge(under, shot.bounces)
+        under.settle(shot.bounces)
         style = solution.stylized.as_written(under) if solution.stylized else None
         return style, [residual_as_written(a, scene, list(solution.painted), under) for a in varying]
 

@@ -32,7 +32,7 @@ from usdslf.light_field.visibility import Visibility, trace_visibility
 from usdslf.lights.defaults import lights_or_default
 from usdslf.lights.missing_dome import MISSING_DOME, with_missing_domes
 from usdslf.lights.sources import LightSet
-from usdslf.progress import step, tell, tell_during, wait_for
+from usdslf.progress import step, tell_during, wait_for
 from usdslf.rays import RayTracer
 from usdslf.render.overview_camera import overview_camera
 from usdslf.scene.difference import Afresh, is_same_but_for_reflectance, why_not_comparable
@@ -182,7 +182,8 @@ class Shot:
     def device(self) -> Device:
         """The OpenCL device."""
         name = self.device_name
-        return name if isinstance(name, Device) else tell_during(lambda: open_device(name))
+        with step("device", self.seconds):
+            return name if isinstance(name, Device) else tell_during(lambda: open_device(name))
 
     @Lazy
     def tracer(self) -> RayTracer:
@@ -264,14 +265,13 @@ class Shot:
 
         def make() -> LightField:
             found = LightField(*links, fixed, self.model)
+            light = lambda: self.device.download(found.settle(self.bounces).outgoing_d)  # noqa: E731
             if self.start:
                 found.start_from(self.start[0])
             if kept:
-                found.set_radiance(
-                    kept.radiance(elements, self.model, self.bounces, lambda: _converged(found, self.bounces))
-                )
+                found.set_radiance(kept.radiance(elements, self.model, self.bounces, light))
             else:
-                converge(found, self.bounces)
+                found.settle(self.bounces)
             found.rest()
             return found
 
@@ -339,12 +339,15 @@ class Shot:
         light are shared.
         """
         before, after = self.scene, other.scene
-        if tell_during(lambda: is_same_but_for_reflectance(before, after)):
+        with step("elements", other.seconds):
+            if not tell_during(lambda: is_same_but_for_reflectance(before, after)):
+                return other
             own = self.elements
-            other._take(
-                elements=tell_during(lambda: refresh_reflectance(own, before, after)), lookup=self.lookup,
-                visibility=self.visibility, fixed_light=self.fixed_light, lights=self.lights,
-            )  # fmt: skip
+            fresh = tell_during(lambda: refresh_reflectance(own, before, after))
+        other._take(
+            elements=fresh, lookup=self.lookup, visibility=self.visibility, fixed_light=self.fixed_light,
+            lights=self.lights,
+        )  # fmt: skip
         return other
 
     def relit(self, lights: tuple[Light, ...], elements: int | None = None) -> Shot:
@@ -353,8 +356,7 @@ class Shot:
         Args:
             lights, elements: in place of its own; None: as many elements.
         """
-        fresh: dict[str, Any] = {"seconds": {}, "warnings": [], "lock": threading.RLock(), "laid": None, "start": []}
-        other = replace(self, device_name=self.device, element_count=elements or self.element_count, **fresh)
+        other = self._afresh(element_count=elements or self.element_count)
         other._take(scene=replace(self.scene, lights=lights), tracer=self.tracer)
         return other
 
@@ -365,10 +367,7 @@ class Shot:
         can have changed it.  What sees light only now gets new elements; other or stretched meshes start afresh, said.
         """
         field = vars(self).get("light_field") or next(iter(self.start), None)
-        other = replace(
-            self, frame=frame, device_name=self.device, seconds={}, warnings=[], lock=threading.RLock(), laid=None,
-            start=[field] if field else [],
-        )  # fmt: skip
+        other = self._afresh(frame=frame, start=[field] if field else [])
         first = self.laid.scene if self.laid else self.scene
         placed: PlacedFrame | Afresh | None = why_not_comparable(first, other.scene)
         if placed is None:
@@ -384,17 +383,11 @@ class Shot:
             other.warn(f"frame {frame:g}: {new} elements are added where light comes only now")
         return other
 
+    def _afresh(self, **values: Any) -> Shot:
+        """Returns another state, on the same device, of which nothing was made yet."""
+        own: dict[str, Any] = {"seconds": {}, "warnings": [], "lock": threading.RLock(), "laid": None, "start": []}
+        return replace(self, device_name=self.device, **own | values)
+
     def _take(self, **values: Any) -> None:
         """Takes values of another state, before anybody else knows this one."""
         vars(self).update(values)
-
-
-def _converged(field: LightField, bounces: int) -> NDArray[np.float32]:
-    converge(field, bounces)
-    return field.device.download(field.outgoing_d)
-
-
-def converge(field: LightField, bounces: int) -> None:
-    """Sends the light round, `bounces` times at most, telling each."""
-    for number, _ in enumerate(field.converge(bounces)):
-        tell((number + 1) / bounces)

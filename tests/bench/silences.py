@@ -138,8 +138,8 @@ def print_cancels(stage: Path, folder: Path, elements: int) -> None:
             raise usdslf.Cancelled
 
     session = usdslf.open(str(stage), elements=elements, say=hear)
-    for _, call in steps_of(session, folder):
-        patience = CANCELLED
+    for name, call in steps_of(session, folder):
+        patience, now[0] = CANCELLED, name
         while True:
             wished[0] = time.perf_counter() + patience
             try:

@@ -39,7 +39,7 @@ from usdslf.inference.tools import expected_error
 from usdslf.inference.weights import Options
 from usdslf.look import author
 from usdslf.session import Session
-from usdslf.shot import Shot, converge
+from usdslf.shot import Shot
 from usdslf.solution import Solution
 from usdslf.surfaces.reflectance import Parameters
 from usdslf.usd.asset_of import asset_of
@@ -190,7 +190,7 @@ class _View:
                 values = c.apply(Parameters.of(self.field.surface, rows), tables.is_metal)
                 surface = surface.with_rows(rows, **vars(values))
             field = self.field.with_surface(surface)
-            converge(field, shot.bounces)
+            field.settle(shot.bounces)
         return field
 
 

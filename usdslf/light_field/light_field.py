@@ -236,6 +236,12 @@ class LightField:
             if change < tolerance:
                 return
 
+    def settle(self, bounces: int) -> LightField:
+        """Sends the light round as `converge` does, telling each bounce; returns itself."""
+        for number, _ in enumerate(self.converge(bounces)):
+            tell((number + 1) / bounces)
+        return self
+
     @cached_property
     def sent(self) -> NDArray[np.float64]:
         """Light that each element (N,) sent when this was asked first: what tolerances are of; others start with it."""
