@@ -10,7 +10,7 @@ import numpy as np
 from usdslf.edits.collateral import words_of
 from usdslf.edits.edits import inferred
 from usdslf.inference.alternatives import alternatives_of, as_plain
-from usdslf.inference.answers import Answer, Pool, alike_means
+from usdslf.inference.answers import Answer, Pool, means_of_similar
 from usdslf.inference.uncertainty import interval
 from usdslf.inference.weights import Options
 from usdslf.look import Look
@@ -136,8 +136,8 @@ def _of_stroke(
     }
     if stands_on := _stands_on(shot.scene, answer.pool.material):
         found["stands_on"] = stands_on
-    alike = (*answer.pool.alike, *answer.pool.partly)
-    also = [(m, answer, *alike_means(answer, m, shot.light_field)) for m in alike]
+    alike = (*answer.pool.similar, *answer.pool.similar_in_part)
+    also = [(m, answer, *means_of_similar(answer, m, shot.light_field)) for m in alike]
     if answer.note:
         found["note"] = answer.note
     if answer.others:

@@ -126,7 +126,7 @@ class Solution:
         found = {}
         freed = [a for a in self.answers if a.chosen.freed]
         for row, a in enumerate(freed if count and self.stylized is None else ()):
-            if a.varying or a.others or a.pool.scope == "stroke" or a.pool.alike or a.pool.partly:
+            if a.varying or a.others or a.pool.scope == "stroke" or a.pool.similar or a.pool.similar_in_part:
                 continue
             others = [c for c in a.candidates if c.freed and c.is_admitted and c.id != a.chosen.id]
             others = [c for c in others if c.id in a.if_chosen][:count]

@@ -73,8 +73,9 @@ def asking(material: int, of: MaterialChange, alike: tuple[int, ...]) -> Any:
     """An answer of one offset, as far as its writing looks at it."""
     chosen = Candidate(of.freed, delta_f0=of.after.f0 - of.before.f0)
     return SimpleNamespace(
-        chosen=chosen, varying=None, spread=None, pool=SimpleNamespace(material=material, alike=alike, partly=())
-    )
+        chosen=chosen, varying=None, onto_similar=None,
+        pool=SimpleNamespace(material=material, similar=alike, similar_in_part=()),
+    )  # fmt: skip
 
 
 def test_what_is_similar_stays_where_its_maps_would_be_spoilt(tmp_path: Path) -> None:

@@ -16,7 +16,7 @@ from usdslf.errors import StrokeError
 from usdslf.gpu.device import Device
 from usdslf.inference.answers import Answer
 from usdslf.inference.direct import gather_strokes
-from usdslf.inference.tools import OPERATORS, Seen, apply_tool, offset_on_picture
+from usdslf.inference.tools import OPERATORS, SeenDabs, apply_tool, offset_on_picture
 from usdslf.session import Session
 from usdslf.strokes.paint import paint_stroke
 from usdslf.strokes.stroke import TOOLS, Stroke
@@ -99,7 +99,7 @@ def test_every_tool_has_an_operator() -> None:
 def test_operators(strength: float) -> None:
     rng = np.random.default_rng(1)
     x, paint, source, mean = rng.uniform(0.5, 2, (4, 7, 3))
-    seen = Seen(x, paint, source, mean)
+    seen = SeenDabs(x, paint, source, mean)
     ask = {tool: apply_tool(tool, seen, strength) for tool in TOOLS}
     s = strength
     assert np.allclose(ask["brighten"], (1 + s) * x)

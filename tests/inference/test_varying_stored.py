@@ -134,7 +134,7 @@ def test_dabs_of_another_scope_on_the_same_material_are_known_places_too(tmp_pat
         painted(colors[~even], P[~even], "stroke_0002"),
     )
     (answer,) = session.answers
-    assert answer.varying and [session.scene.materials[m].path for m in answer.pool.partly] == [panel]
+    assert answer.varying and [session.scene.materials[m].path for m in answer.pool.similar_in_part] == [panel]
     session.author(tmp_path / "look.usda")
     other = session.edited(tmp_path / "look.usda")
     np.testing.assert_allclose(surface_at(other.scene, P).diffuse, gradient(P), atol=0.05)

@@ -41,8 +41,8 @@ class Pool:
     targets: tuple[str, ...]  # gprims of the scope; () for the whole material
     strokes: tuple[int, ...]  # into the strokes that were read
     is_held: bool = False  # asks for no change: a fixate stroke, or a strength of zero
-    alike: tuple[int, ...] = ()  # materials that change by the same delta: what is similar to the painted places
-    partly: tuple[int, ...] = ()  # materials that change where they are similar, and nowhere else
+    similar: tuple[int, ...] = ()  # materials that change by the same delta: what is similar to the painted places
+    similar_in_part: tuple[int, ...] = ()  # materials that change where they are similar, and nowhere else
 
 
 @dataclass(frozen=True)
@@ -74,7 +74,7 @@ class Answer:
     others: tuple[Alternative, ...] = ()  # of an indirect stroke: explanations by all materials in sight
     note: str = ""  # of an indirect stroke: how well its radiance is met, or why it cannot be
     varied: tuple[VaryingAnswer, ...] = ()  # the best of each parameter that could be stored, for choosing
-    spread: Varying | None = None  # the change as it goes on to what is partly similar
+    onto_similar: Varying | None = None  # the change as it goes on to what is partly similar
     varying: Varying | None = None  # where the change varies over the surface; `chosen` holds its mean
     # by candidate: what choosing it gives in the light as it is, means as in `after`; only candidates that can be
     if_chosen: Mapping[str, dict[str, NDArray]] = field(default_factory=dict)
@@ -104,7 +104,7 @@ class Answer:
             known = ", ".join([*(c.id for c in self.candidates), *(a.id for a in self.varied)])
             raise SolveError(f"there is no alternative '{id_}' that can be had without solving; choose one of {known}")
         after = self.if_chosen.get(id_) or means_of(self.tables, c)[1]
-        return replace(self, chosen=c, after=after, varying=varied.varying if varied else None, spread=None)
+        return replace(self, chosen=c, after=after, varying=varied.varying if varied else None, onto_similar=None)
 
 
 @dataclass
@@ -139,7 +139,7 @@ def means_after(c: Candidate, diffuse: NDArray, f0: NDArray, roughness: NDArray)
     }  # fmt: skip
 
 
-def alike_means(answer: Answer, material: int, field: LightField) -> tuple[dict[str, NDArray], dict[str, NDArray]]:
+def means_of_similar(answer: Answer, material: int, field: LightField) -> tuple[dict[str, NDArray], dict[str, NDArray]]:
     """Returns mean diffuse, specular and roughness of a material that is alike, before and after the same change.
 
     Args:
@@ -150,8 +150,8 @@ def alike_means(answer: Answer, material: int, field: LightField) -> tuple[dict[
     mean = lambda x: np.average(np.asarray(x, np.float64)[rows], axis=0, weights=weight)  # noqa: E731
     d, f0, roughness = mean(s.diffuse), mean(s.f0), np.atleast_1d(mean(s.roughness))
     before = means_after(Candidate(()), d, f0, roughness)
-    if answer.spread and material in answer.pool.partly:
-        s = _varied_surface(s, s, answer, answer.spread, field, rows)
+    if answer.onto_similar and material in answer.pool.similar_in_part:
+        s = _varied_surface(s, s, answer, answer.onto_similar, field, rows)
         d, f0, roughness = mean(s.diffuse), mean(s.f0), np.atleast_1d(mean(s.roughness))
         return before, means_after(Candidate(()), d, f0, roughness)
     return before, means_after(c, d, f0, roughness)
@@ -166,15 +166,15 @@ def changed_surface(
         if not a.chosen.freed:
             continue
         rows = scope_rows(a.pool, field, scene, painted)
-        alike = np.isin(field.elements.material, a.pool.alike)
+        alike = np.isin(field.elements.material, a.pool.similar)
         if a.varying:
             surface = _varied_surface(surface, original, a, a.varying, field, rows)
             rows = alike  # which change by the mean of it
         else:
             rows = rows | alike
-        if a.spread:
-            there = np.isin(field.elements.material, a.pool.partly)
-            surface = _varied_surface(surface, original, a, a.spread, field, there)
+        if a.onto_similar:
+            there = np.isin(field.elements.material, a.pool.similar_in_part)
+            surface = _varied_surface(surface, original, a, a.onto_similar, field, there)
         surface = surface.with_rows(rows, **vars(a.chosen.apply(Parameters.of(original, rows), a.tables.is_metal)))
     return surface
 

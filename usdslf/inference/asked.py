@@ -11,7 +11,7 @@ import numpy as np
 
 from usdslf.edits.edits import Reflectance
 from usdslf.edits.read_back import Asked
-from usdslf.inference.answers import Answer, Painted, alike_means
+from usdslf.inference.answers import Answer, Painted, means_of_similar
 from usdslf.light_field.light_field import LightField
 from usdslf.scene.records import Scene
 
@@ -48,7 +48,7 @@ def asked_of(
         before, after = Reflectance.of(a.before), Reflectance.of(a.after)
         path = scene.materials[a.pool.material].path
         out.append(Asked(path, triangle, at, before, after, a.chosen.freed))
-        similar = () if mode == "new" else (*a.pool.alike, *a.pool.partly)
+        similar = () if mode == "new" else (*a.pool.similar, *a.pool.similar_in_part)
         out += [_of_similar(a, m, scene, field) for m in similar]
     return out
 
@@ -58,6 +58,6 @@ def _of_similar(answer: Answer, material: int, scene: Scene, field: LightField) 
     elements = field.elements
     rows = np.flatnonzero(elements.material == material)
     rows = rows[np.linspace(0, len(rows) - 1, min(PLACES, len(rows))).astype(int)]
-    before, after = (Reflectance.of(means) for means in alike_means(answer, material, field))
+    before, after = (Reflectance.of(means) for means in means_of_similar(answer, material, field))
     at = elements.triangle[rows], elements.barycentric[rows]
     return Asked(scene.materials[material].path, *at, before, after, answer.chosen.freed)

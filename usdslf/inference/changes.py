@@ -22,7 +22,7 @@ from usdslf.edits.representations import least_collateral
 from usdslf.edits.storage import input_values, storage_of, store
 from usdslf.errors import AuthorError
 from usdslf.inference.alternatives import alternatives_of
-from usdslf.inference.answers import Answer, alike_means
+from usdslf.inference.answers import Answer, means_of_similar
 from usdslf.inference.candidate import Candidate
 from usdslf.inference.varying import Varying, as_even
 from usdslf.light_field.light_field import LightField
@@ -49,7 +49,7 @@ def changes_of(
     changes = [_change(a, scene, strokes, mode) for a in freed]
     if mode == "new":
         return changes
-    return changes + [_alike_change(a, m, scene, strokes, field) for a, m, _ in _further(freed)]
+    return changes + [_similar_change(a, m, scene, strokes, field) for a, m, _ in _further(freed)]
 
 
 def _change(answer: Answer, scene: Scene, strokes: Sequence[Stroke], mode: str) -> MaterialChange:
@@ -80,11 +80,11 @@ def _change(answer: Answer, scene: Scene, strokes: Sequence[Stroke], mode: str) 
     )
 
 
-def _alike_change(
+def _similar_change(
     answer: Answer, material: int, scene: Scene, strokes: Sequence[Stroke], field: LightField
 ) -> MaterialChange:
     """The change of a material that is similar to what an answer's strokes were painted on."""
-    before, after = alike_means(answer, material, field)
+    before, after = means_of_similar(answer, material, field)
     return MaterialChange(
         material=scene.materials[material],
         scope="material",
@@ -130,7 +130,11 @@ def with_varying(
 
 def _further(answers: list[Answer]) -> list[tuple[Answer, int, Varying | None]]:
     """What is similar: the answer, a material that changes with it, and how, where not by the mean."""
-    return [(a, m, a.spread if m in a.pool.partly else None) for a in answers for m in (*a.pool.alike, *a.pool.partly)]
+    found: list[tuple[Answer, int, Varying | None]] = []
+    for a in answers:
+        found += [(a, m, None) for m in a.pool.similar]
+        found += [(a, m, a.onto_similar) for m in a.pool.similar_in_part]
+    return found
 
 
 def _varied(

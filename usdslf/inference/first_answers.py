@@ -30,7 +30,7 @@ from usdslf.inference.refits import is_painted, means_if_chosen, refit_answer
 from usdslf.inference.solve import enumerate_candidates, relative_error
 from usdslf.inference.tools import expected_error
 from usdslf.inference.unchanged import by_own_errors, may_be_unchanged
-from usdslf.inference.varying import VaryingAnswer, as_spread, asks_to_vary, places_of_dabs, varying_answers
+from usdslf.inference.varying import VaryingAnswer, as_varying, asks_to_vary, places_of_dabs, varying_answers
 from usdslf.inference.weights import Options
 from usdslf.light_field.light_field import LightField
 from usdslf.light_field.renewal import renew
@@ -258,17 +258,17 @@ def _with_alike(
     if not any(painted[i].stroke.scope == "similar" for i in pool.strokes) or not answer.chosen.freed:
         return answer
     taken = [a.pool for a in answers if a.pool != pool]
-    leave = {pool.material, *(p.material for p in taken), *(m for p in taken for m in (*p.alike, *p.partly))}
+    leave = {pool.material, *(p.material for p in taken), *(m for p in taken for m in (*p.similar, *p.similar_in_part))}
     leave |= set(fixed_materials(evidence))
     mine = [evidence[i] for i in pool.strokes]  # all dabs that the change is known at, whatever their scope
     places = places_of_dabs(mine, pool.material)
     brush = float(np.mean([e.stroke.widths.mean() for e in mine]))
     reach = reach_of(places.position, 0.5 * brush)
     shares = alike_materials(scene, ask.field.elements, places, reach, leave, ask.similarity)
-    spread = as_spread(answer.chosen, answer.varying, places, reach, ask.similarity or OF_MATERIALS)
+    onto_similar = as_varying(answer.chosen, answer.varying, places, reach, ask.similarity or OF_MATERIALS)
     whole, partly = [m for m, share in shares.items() if share > MOST], []
     for m in (m for m, share in shares.items() if share <= ALL):
-        why = storage_of(scene, m, (), spread).why_not if spread else "its change has several parameters"
+        why = storage_of(scene, m, (), onto_similar).why_not if onto_similar else "its change has several parameters"
         if not why:
             partly.append(m)
         ask.said.append(
@@ -276,5 +276,5 @@ def _with_alike(
             + (f"all or nothing of it changes: {why}" if why else "that part of it changes")
         )
     whole = [m for m in whole if m not in partly]
-    pool = replace(pool, alike=tuple(whole), partly=tuple(partly))
-    return replace(answer, pool=pool, spread=spread if partly else None)
+    pool = replace(pool, similar=tuple(whole), similar_in_part=tuple(partly))
+    return replace(answer, pool=pool, onto_similar=onto_similar if partly else None)

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from usdslf.inference.answers import Painted
 
 F64 = NDArray[np.float64]
-Seen = Callable[[NDArray, NDArray], F64]  # weights (r, 4, 3) and roughness (r,) -> what the dabs see of it (n, 3)
+Response = Callable[[NDArray, NDArray], F64]  # weights (r, 4, 3) and roughness (r,) -> what the dabs see of it (n, 3)
 LEVELS = (0.1, 0.2, 0.3, 0.45, 0.65, 0.9)  # roughness that is asked first
 MOST_MATERIALS = 6
 LEAST_SHARE = 0.01  # of what a stroke sees, for a material to be asked
@@ -213,7 +213,7 @@ class _Parts:
 
 
 def _uniform_parts(
-    seen: Seen, model: str, d: NDArray, f0: NDArray, f90: NDArray, levels: list[NDArray], is_metal: bool
+    seen: Response, model: str, d: NDArray, f0: NDArray, f90: NDArray, levels: list[NDArray], is_metal: bool
 ) -> _Parts:
     """The parts for a material of one colour: from its X, Y, A and B."""
     zero, one = np.zeros_like(d), np.ones_like(d)
@@ -232,7 +232,7 @@ def _uniform_parts(
 
 
 def _varying_parts(
-    seen: Seen, model: str, d: NDArray, f0: NDArray, f90: NDArray, levels: list[NDArray], is_metal: bool
+    seen: Response, model: str, d: NDArray, f0: NDArray, f90: NDArray, levels: list[NDArray], is_metal: bool
 ) -> _Parts:
     """The same for a material whose colours vary over its elements."""
     # the weights of the columns are bilinear in d and F0 as radiance is: their parts are those of unit columns

@@ -25,7 +25,7 @@ from usdslf.inference.fit import Way, bounds_of_tables, hold_energy
 from usdslf.inference.paint_errors import refit_as_painted
 from usdslf.inference.samples import Samples
 from usdslf.inference.solve import refit, refit_levels, refit_problem, relative_error
-from usdslf.inference.varying import as_candidate, as_spread, refit_varying
+from usdslf.inference.varying import as_candidate, as_varying, refit_varying
 from usdslf.inference.weights import Options
 from usdslf.light_field.light_field import LightField
 from usdslf.scene.records import Scene
@@ -159,10 +159,10 @@ def with_changes(answer: Answer, change: NDArray) -> Answer:
     varying = answer.varying
     if varying:
         varying = varying.moved(chosen.delta_of(varying.parameter))
-    spread = answer.spread
-    if spread:
-        spread = as_spread(chosen, varying, spread.places, spread.reach, spread.weights)
-    return replace(answer, chosen=chosen, before=before, after=after, varying=varying, spread=spread)
+    onto = answer.onto_similar
+    if onto:
+        onto = as_varying(chosen, varying, onto.places, onto.reach, onto.weights)
+    return replace(answer, chosen=chosen, before=before, after=after, varying=varying, onto_similar=onto)
 
 
 def relaxed(step: NDArray, last: NDArray, share: float) -> tuple[NDArray, float]:

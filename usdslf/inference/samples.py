@@ -20,7 +20,7 @@ from usdslf.progress import tell
 from usdslf.sampling.frames import frames_about
 from usdslf.sampling.low_discrepancy import random_shifts, sobol_points
 from usdslf.scene.records import F64, Scene
-from usdslf.strokes.anchors import locate_stroke, where_spilt
+from usdslf.strokes.anchors import find_overlaps, locate_stroke
 from usdslf.strokes.stroke import Stroke, dab_rows
 from usdslf.surfaces.reflectance import lobe_parameter, model_of
 from usdslf.surfaces.surface_points import SurfacePoints, evaluate_surface, turned_to_viewer
@@ -137,7 +137,7 @@ def gather_samples(
     Raises: StrokeError where no dab lies on a surface.
     """
     located = locate_stroke(scene, stroke, warnings)
-    warnings += where_spilt(scene, stroke, located)
+    warnings += find_overlaps(scene, stroke, located)
     rows = np.flatnonzero(np.isin(located.row, dab_rows(stroke)))
     if len(rows) > MOST_DABS:
         rows = rows[np.linspace(0, len(rows) - 1, MOST_DABS).round().astype(int)]

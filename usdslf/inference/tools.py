@@ -64,7 +64,7 @@ SHAPE_ERROR = 0.12  # relative, of what blur and sharpen ask for
 
 
 @dataclass(frozen=True)
-class Seen:
+class SeenDabs:
     """What the eye sees at a stroke's n dabs before any edit: radiance (n, 3), the last two where a tool needs them."""
 
     radiance: F64
@@ -73,51 +73,51 @@ class Seen:
     blurred: F64 | None = None  # B
 
 
-def replace(seen: Seen) -> F64:
+def replace(seen: SeenDabs) -> F64:
     """Returns what was painted."""
     return seen.painted
 
 
-def clone(seen: Seen) -> F64:
+def clone(seen: SeenDabs) -> F64:
     """Returns what the same eye sees at the source."""
     assert seen.source is not None
     return seen.source
 
 
-def brighten(seen: Seen) -> F64:
+def brighten(seen: SeenDabs) -> F64:
     """Returns twice the light."""
     return 2 * seen.radiance
 
 
-def darken(seen: Seen) -> F64:
+def darken(seen: SeenDabs) -> F64:
     """Returns darkness."""
     return 0 * seen.radiance
 
 
-def blur(seen: Seen) -> F64:
+def blur(seen: SeenDabs) -> F64:
     """Returns the mean over near directions and points."""
     assert seen.blurred is not None
     return seen.blurred
 
 
-def sharpen(seen: Seen) -> F64:
+def sharpen(seen: SeenDabs) -> F64:
     """Returns the light as many times its mean again, MOST_CONTRAST times at most."""
     assert seen.blurred is not None
     least = np.maximum(seen.blurred, 1e-9 + seen.radiance / MOST_CONTRAST)
     return seen.radiance**2 / least
 
 
-def fixate(seen: Seen) -> F64:
+def fixate(seen: SeenDabs) -> F64:
     """Returns the light as it is."""
     return seen.radiance
 
 
-OPERATORS: dict[str, Callable[[Seen], F64]] = {
+OPERATORS: dict[str, Callable[[SeenDabs], F64]] = {
     f.__name__: f for f in (replace, clone, brighten, darken, blur, sharpen, fixate)
 }
 
 
-def apply_tool(tool: str, seen: Seen, strength: float) -> F64:
+def apply_tool(tool: str, seen: SeenDabs, strength: float) -> F64:
     """Returns the radiance (n, 3) that a tool of a strength asks for, never below zero."""
     asked = seen.radiance + strength * (OPERATORS[tool](seen) - seen.radiance)
     return np.maximum(asked, 0)
@@ -159,7 +159,7 @@ def wanted_radiance(
         source = _at_source(stroke, stroke_row, scene, light, warnings)
     if stroke.tool in ("blur", "sharpen"):
         blurred = _blurred(stroke, stroke_row, scene, light)
-    return apply_tool(stroke.tool, Seen(radiance, painted, source, blurred), stroke.strength)
+    return apply_tool(stroke.tool, SeenDabs(radiance, painted, source, blurred), stroke.strength)
 
 
 def _sum(columns: F64, samples: Samples, field: LightField) -> F64:

@@ -119,7 +119,7 @@ def _changed(v: Varying, q: F64, value: F64) -> F64:
     return np.clip(new, 0.001 if v.parameter == "glossiness" else 0, 1)
 
 
-def as_spread(c: Candidate, v: Varying | None, places: Places, reach: float, weights: Weights) -> Varying | None:
+def as_varying(c: Candidate, v: Varying | None, places: Places, reach: float, weights: Weights) -> Varying | None:
     """Returns a change as it goes on to all that is similar to the dabs; None where it has several parameters.
 
     Args:
@@ -141,9 +141,9 @@ def as_spread(c: Candidate, v: Varying | None, places: Places, reach: float, wei
 def as_even(c: Candidate) -> Varying:
     """Returns a constant change of one parameter as one of each place."""
     nowhere = Places(np.zeros((1, 3)), np.array([[0.0, 0.0, 1.0]]), np.zeros((1, 7)))
-    spread = as_spread(c, None, nowhere, 1.0, NEAR)
-    assert spread is not None, c.freed
-    return replace(spread, is_gated=False)
+    even = as_varying(c, None, nowhere, 1.0, NEAR)
+    assert even is not None, c.freed
+    return replace(even, is_gated=False)
 
 
 def places_of_dabs(evidences: Sequence[Evidence], material: int) -> Places:

@@ -25,7 +25,7 @@ from usdslf.color import Color, color_of
 from usdslf.edits.collateral import words_of
 from usdslf.errors import InputError
 from usdslf.outputs import write_picture
-from usdslf.review.review import Review, Seen
+from usdslf.review.review import Review, ReviewedView
 from usdslf.textures.images import png_bytes
 from usdslf.usd.border import in_words
 from usdslf.usd.review.records import ReviewedEdit
@@ -112,7 +112,7 @@ def _data(
 
 
 def _view(
-    number: int, seen: Seen, values: Mapping[str, Any], color: Color, pictures: dict[str, str]
+    number: int, seen: ReviewedView, values: Mapping[str, Any], color: Color, pictures: dict[str, str]
 ) -> dict[str, Any]:
     """One view, whose pictures go to `pictures`."""
     p = seen.pictures

@@ -59,7 +59,7 @@ class ReviewSettings:
 
 
 @dataclass(frozen=True, eq=False)
-class Seen:
+class ReviewedView:
     """One view of a review.
 
     Attributes:
@@ -97,7 +97,7 @@ class Review:
 
     look: LookReview
     strokes: tuple[Stroke, ...]
-    views: tuple[Seen, ...]
+    views: tuple[ReviewedView, ...]
     scene: Scene
     warnings: tuple[str, ...] = ()
 
@@ -168,7 +168,7 @@ def pictured(found: LookReview, before: Shot, after: Shot, s: ReviewSettings) ->
         half = view.kind == "turntable"
         size = (max(1, s.size[0] // 2), max(1, s.size[1] // 2)) if half else s.size
         pictures = take_pictures(pair, view, size, s.frames)
-        seen.append(Seen(pictures, tuple(strokes_on(pictures, strokes, pair))))
+        seen.append(ReviewedView(pictures, tuple(strokes_on(pictures, strokes, pair))))
         tell((number + 1) / (len(views) + 1))
     seen.append(_under_rig(pair, seen[0], s))
     said += [*before.warnings, *after.warnings]
@@ -200,7 +200,7 @@ def _gprim_of_triangle(scene: Scene, paths: list[str]) -> np.ndarray:
     return np.concatenate(found) if found else np.zeros(0, np.int32)
 
 
-def _under_rig(pair: Pair, first: Seen, s: ReviewSettings) -> Seen:
+def _under_rig(pair: Pair, first: ReviewedView, s: ReviewSettings) -> ReviewedView:
     """The first view in a light that nobody painted under."""
     camera = first.pictures.view.camera
     lights, words = held_out_rig(pair.before, camera)
@@ -211,4 +211,4 @@ def _under_rig(pair: Pair, first: Seen, s: ReviewSettings) -> Seen:
     lit = replace(pair, before=before, after=after, eyes=(Eyes(before), Eyes(after)))
     pictures = take_pictures(lit, view, s.size, s.frames)
     exposure = exposure_like(pictures.before, first.pictures.before)
-    return Seen(replace(pictures, exposure=exposure), (), words)
+    return ReviewedView(replace(pictures, exposure=exposure), (), words)

@@ -1,7 +1,7 @@
 """Anchors: where a stroke lies on the surfaces of a scene, also after they have moved.
 
     locate_stroke(scene, stroke, warnings) -> Located   the stroke's points on the scene's triangles
-    where_spilt(scene, stroke, located) -> [sentence]   where much of it lies on other materials than the one it changes
+    find_overlaps(scene, stroke, located) -> [sentence]   where much of it lies on materials that it does not change
     painted_faces(scene, stroke, located) -> {gprim: faces}     all that the brush touches
 """
 
@@ -94,7 +94,7 @@ def locate_stroke(scene: Scene, stroke: Stroke, warnings: list[str] | None = Non
     return Located(row, on, at, position, normal, bool(moved.any()))
 
 
-def where_spilt(scene: Scene, stroke: Stroke, located: Located) -> list[str]:
+def find_overlaps(scene: Scene, stroke: Stroke, located: Located) -> list[str]:
     """Returns a sentence where a good part of a direct stroke lies on other materials than most of it.
 
     A stroke changes one material, that with most dabs.  What is fixated is held whatever the material.

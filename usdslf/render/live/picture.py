@@ -57,7 +57,7 @@ class LiveFrame:
 
 
 @dataclass(frozen=True)
-class _Seen:
+class _Framed:
     """What a picture is of."""
 
     camera: Camera
@@ -124,10 +124,10 @@ class LivePicture:
         geometry = Geometry.of(lit.device, lit.scene, lit.tracer, lights, lit.light_field)
         materials = MaterialTable.of(geometry.pool, lit.scene.materials)
         scene = LiveScene(geometry, materials, SentLight.of(geometry, lit.light_field))
-        return LivePicture._start(scene, _Seen(camera, size, region), GatherRoom(geometry), hide_lights)
+        return LivePicture._start(scene, _Framed(camera, size, region), GatherRoom(geometry), hide_lights)
 
     @staticmethod
-    def _start(scene: LiveScene, seen: _Seen, room: GatherRoom, hide_lights: bool) -> LivePicture:
+    def _start(scene: LiveScene, seen: _Framed, room: GatherRoom, hide_lights: bool) -> LivePicture:
         region = seen.window()
         with room.lock:
             view = look(scene, seen.camera, seen.size, region.with_border(BORDER, seen.size), hide_lights)
@@ -148,7 +148,7 @@ class LivePicture:
 
         Raises: InputError for a size or a region that cannot be.
         """
-        seen = _Seen(camera, size or self.view.size, region)
+        seen = _Framed(camera, size or self.view.size, region)
         return LivePicture._start(self.scene, seen, self._room, self._hides_lights)
 
     def with_materials(self, materials: Sequence[Material], light: LightField | None = None) -> LivePicture:
@@ -175,7 +175,7 @@ class LivePicture:
         other = LiveScene(geometry, table, sent)
         if is_anew:
             left, top = self._region.x, self._region.y
-            seen = _Seen(
+            seen = _Framed(
                 self.view.camera, self.view.size, (left, top, left + self._region.width, top + self._region.height)
             )
             room = self._room if geometry.sources.streams == scene.geometry.sources.streams else GatherRoom(geometry)
@@ -259,7 +259,7 @@ class LivePicture:
             for share in self._shares.values():
                 share.join()
             return [g for share in self._shares.values() for g in share.groups]
-        window = _Seen(self.view.camera, self.view.size, region).window().with_border(BORDER, self.view.size)
+        window = _Framed(self.view.camera, self.view.size, region).window().with_border(BORDER, self.view.size)
         self._gathered.is_split = True
         return [g for share in self._shares.values() for g in share.split(window, self.view)]
 

@@ -38,7 +38,7 @@ _EVERYWHERE = ("repeat", "clamp")  # wrap modes that all of these know
 
 
 @dataclass(frozen=True)
-class Seen:
+class ComposedLook:
     """A look where it is composed.
 
     Attributes:
@@ -84,28 +84,28 @@ def risks_of(stage: Usd.Stage, layer: Sdf.Layer, edits: Sequence[ReviewedEdit]) 
         layer: the look.
         edits: its opinions, as they are composed.
     """
-    seen = Seen(stage, layer, edits)
-    found = [Risk(rule, at, say, SOURCES[rule]) for rule, check in _RULES.items() for at, say in check(seen)]
+    look = ComposedLook(stage, layer, edits)
+    found = [Risk(rule, at, say, SOURCES[rule]) for rule, check in _RULES.items() for at, say in check(look)]
     return list(dict.fromkeys(found))
 
 
-def _instance_roots(seen: Seen) -> Said:
-    for prim, _ in seen.bindings:
+def _instance_roots(look: ComposedLook) -> Said:
+    for prim, _ in look.bindings:
         if prim.IsInstance():
             at = str(prim.GetPath())
             yield at, f"{at} is an instance: Arnold keeps the material of its prototype, unless instanceable is off"
 
 
-def _nested_instances(seen: Seen) -> Said:
-    for prim, _ in seen.bindings:
-        above = [p for p in prim.GetPath().GetPrefixes()[:-1] if seen.stage.GetPrimAtPath(p).IsInstance()]
+def _nested_instances(look: ComposedLook) -> Said:
+    for prim, _ in look.bindings:
+        above = [p for p in prim.GetPath().GetPrefixes()[:-1] if look.stage.GetPrimAtPath(p).IsInstance()]
         if above and prim.IsInstance():
             at = str(prim.GetPath())
             yield at, f"{at} is an instance inside the instance {above[-1]}: Hydra 2 drops what is bound there"
 
 
-def _collections(seen: Seen) -> Said:
-    for prim in seen.gprims:
+def _collections(look: ComposedLook) -> Said:
+    for prim in look.gprims:
         if not prim.IsInstanceProxy():
             continue
         by = shown_by(prim)
@@ -114,12 +114,12 @@ def _collections(seen: Seen) -> Said:
             yield at, f"{at} shows {bound_relationship(prim)[0]} by the collection of {by.GetPath()}: bind it directly"
 
 
-def _wrap_modes(seen: Seen) -> Said:
-    nodes = {e.shown_at for e in seen.edits if e.wins}
-    for material in seen.materials:
+def _wrap_modes(look: ComposedLook) -> Said:
+    nodes = {e.shown_at for e in look.edits if e.wins}
+    for material in look.materials:
         for prim in network_of(material.GetPrim()):
             shader = UsdShade.Shader(prim)
-            if not shader or shader.GetIdAttr().Get() != "UsdUVTexture" or not _is_edited(prim, seen.layer, nodes):
+            if not shader or shader.GetIdAttr().Get() != "UsdUVTexture" or not _is_edited(prim, look.layer, nodes):
                 continue
             ports = {name: shader.GetInput(name) for name in ("wrapS", "wrapT")}
             modes = {name: (port.Get() if port else None) or "useMetadata" for name, port in ports.items()}
@@ -134,8 +134,8 @@ def _is_edited(prim: Usd.Prim, layer: Sdf.Layer, nodes: set[str]) -> bool:
     return str(prim.GetPath()) in nodes or any(s.layer == layer for s in prim.GetPrimStack())
 
 
-def _binding_apis(seen: Seen) -> Said:
-    for prim in seen.gprims:
+def _binding_apis(look: ComposedLook) -> Said:
+    for prim in look.gprims:
         by = shown_by(prim)
         home = by.GetPrim() if by else None
         if home and not home.HasAPI(UsdShade.MaterialBindingAPI):
@@ -143,12 +143,12 @@ def _binding_apis(seen: Seen) -> Said:
             yield at, f"{at} binds a material without MaterialBindingAPI, which strict checking drops: apply the schema"
 
 
-def _contexts(seen: Seen) -> Said:
-    for material in seen.materials:
+def _contexts(look: ComposedLook) -> Said:
+    for material in look.materials:
         if others := render_contexts(material, connected=True):
             at = str(material.GetPath())
             yield at, f"{at} has a surface of its own for {', '.join(others)}: renders by it do not see the edit"
-    for prim in seen.gprims:
+    for prim in look.gprims:
         full, shown = final_material(prim), bound_relationship(prim)[0]
         if full and full.GetPath() != shown:
             where = ", ".join(render_contexts(full, connected=True)) or "any renderer"
@@ -156,21 +156,21 @@ def _contexts(seen: Seen) -> Said:
             yield at, f"{at} shows {full.GetPath()} in final renders by {where}, bound for purpose full: edit that too"
 
 
-def _full_purpose(seen: Seen) -> Said:
-    for prim in seen.gprims:
+def _full_purpose(look: ComposedLook) -> Said:
+    for prim in look.gprims:
         shown, relationship = bound_relationship(prim)
         if relationship == f"{BINDING}:full":
             at = str(prim.GetPath())
             yield at, f"{at} shows {shown} by purpose full alone, which Storm does not use: bind it for all purposes"
 
 
-def _drifted(seen: Seen) -> Said:
-    for edit in seen.edits:
+def _drifted(look: ComposedLook) -> Said:
+    for edit in look.edits:
         if edit.drifted:
             yield edit.shown_at, f"{edit.shown_at}.{edit.attribute} {edit.drifted}: solve again"
 
 
-_RULES: dict[str, Callable[[Seen], Said]] = {
+_RULES: dict[str, Callable[[ComposedLook], Said]] = {
     "InstanceRootBinding": _instance_roots,
     "NestedInstanceBinding": _nested_instances,
     "CollectionInInstance": _collections,
