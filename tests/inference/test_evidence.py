@@ -185,9 +185,9 @@ def test_coat_and_emission_are_light_that_no_parameter_changes(device: Device) -
     e = evidence_of(ground(device, sky, clearcoat=0.7, clearcoat_roughness=0.2, emission=0.25), stroke_at(DABS))
     mine = painted(e)
     _, _, a, b = expected_columns(e, "preview_surface", 0.2, "dome").mean(0)
-    np.testing.assert_allclose(e.coat[mine].mean(0), 0.7 * (0.04 * a + b) + 0.25, rtol=0.02)
+    np.testing.assert_allclose(e.unchanging[mine].mean(0), 0.7 * (0.04 * a + b) + 0.25, rtol=0.02)
     plain = evidence_of(ground(device, sky), stroke_at(DABS))
-    np.testing.assert_array_equal(plain.coat, 0)
+    np.testing.assert_array_equal(plain.unchanging, 0)
 
 
 def test_a_perfect_mirror_shows_the_dome(device: Device) -> None:

@@ -39,7 +39,7 @@ def evidence_of(made: Lit, painted: Stroke) -> Evidence:
 
 def unchanged(e: Evidence) -> np.ndarray:
     """Radiance (n, 3) of the dabs that no parameter changes."""
-    return mean_by(e.coat, e.dab_of_sample)[: len(e.target)]
+    return mean_by(e.unchanging, e.dab_of_sample)[: len(e.target)]
 
 
 def part_of_disk(away: np.ndarray) -> np.ndarray:

@@ -141,7 +141,7 @@ def painted(
         surface=surface_points(n, before, world.position),
         levels=np.tile([*LEVELS, before.roughness], (n, 1)),
         columns=gain * np.concatenate([on_levels, own[:, None]], 1),
-        coat=np.zeros((n, 3)),
+        unchanging=np.zeros((n, 3)),
         background_sample=world.row,
         background=gain * np.concatenate([back, back_own[:, None]], 1),
     )
@@ -250,7 +250,7 @@ def rearranged(e: Evidence, order: np.ndarray) -> Evidence:
     surface = SurfacePoints(**{f.name: getattr(e.surface, f.name)[samples] for f in fields(SurfacePoints)})
     return replace(
         e, target=e.target[order], surface=surface, levels=e.levels[samples], columns=e.columns[samples],
-        coat=e.coat[samples], background_sample=place[e.background_sample],
+        unchanging=e.unchanging[samples], background_sample=place[e.background_sample],
     )  # fmt: skip
 
 
@@ -304,7 +304,7 @@ def test_light_that_no_parameter_changes_is_taken_off_first(world: World, levels
     e = painted(world, levels, *CHANGES["diffuse"])
     glow = 0.3 * e.target.mean()
     n = DABS
-    shining = replace(e, coat=np.full_like(e.coat, glow), target=e.target + glow)
+    shining = replace(e, unchanging=np.full_like(e.unchanging, glow), target=e.target + glow)
     tables, found, _ = solved(shining)
     assert found.id == "diffuse" and n == len(tables.target)
     np.testing.assert_allclose(look_of(tables, found)[0], CHANGES["diffuse"][1].diffuse, atol=5e-3)

@@ -13,7 +13,7 @@ from reference.mitsuba_setup import why_no_pathtracer
 
 from usdslf.gallery import demo
 from usdslf.gallery.still_life import MATERIALS, RADIUS, STROKES, TRUTH, build
-from usdslf.procedural.shapes import Shape, ball, curve, lathe, rounded_box, torus, tube
+from usdslf.procedural.shapes import QuadMesh, ball, curve, lathe, rounded_box, torus, tube
 from usdslf.usd.build_stage import write_stage
 
 INPUTS = {"diffuse": "diffuseColor", "specular": "specularColor", "glossiness": "roughness"}
@@ -77,7 +77,7 @@ def test_the_shot_is_the_same_every_time(tmp_path: Path) -> None:
         lambda: tube(curve([(0, 0, 0), (1, 0, 0), (1, 1, 0), (2, 2, 1)], 30), np.linspace(0.1, 0.05, 30)),
     ],
 )
-def test_normals_of_shapes_are_those_of_their_faces(make: Callable[[], Shape]) -> None:
+def test_normals_of_shapes_are_those_of_their_faces(make: Callable[[], QuadMesh]) -> None:
     shape = make()
     corners = shape.points[shape.quads]
     face = np.cross(corners[:, 2] - corners[:, 0], corners[:, 3] - corners[:, 1])

@@ -15,7 +15,7 @@ import numpy as np
 from usdslf.gallery.records import Dabs, Entry, PlayLike, on_picture
 from usdslf.gallery.still_life import teapot
 from usdslf.procedural.built_shot import BuiltShot, Inputs, Lamp, Part, View
-from usdslf.procedural.shapes import Shape, curve, lathe, panel, rounded_box
+from usdslf.procedural.shapes import QuadMesh, curve, lathe, panel, rounded_box
 
 RADIUS = 0.014
 MATERIALS: dict[str, Inputs] = {
@@ -31,7 +31,7 @@ TRUTH: tuple[dict[str, Inputs], ...] = (
 """The floors that the strokes of each round were painted for."""
 
 
-def column() -> Shape:
+def column() -> QuadMesh:
     """A column of a height of one with base and capital."""
     profile = [(0.0, 0.0), (0.098, 0.0), (0.098, 0.03), (0.08, 0.045), (0.088, 0.07), (0.068, 0.085), (0.064, 0.45),
                (0.058, 0.86), (0.075, 0.875), (0.068, 0.895), (0.10, 0.95), (0.10, 1.0), (0.0, 1.0)]  # fmt: skip

@@ -13,7 +13,7 @@ from scipy.stats import spearmanr
 from usdslf.color import color_of
 from usdslf.gallery.records import Entry, PlayLike
 from usdslf.procedural.built_shot import BuiltShot, Inputs, Lamp, Part, View
-from usdslf.procedural.shapes import Shape, ball, panel, rounded_box, turned_about
+from usdslf.procedural.shapes import QuadMesh, ball, panel, rounded_box, turned_about
 from usdslf.scene.records import F32
 from usdslf.similarity.similarity import Weights
 
@@ -36,7 +36,7 @@ WEIGHTS = {
 def build(folder: Path, hdri: str | None = None) -> BuiltShot:
     """Returns the shot."""
 
-    def box(x: float, z: float, turn: float) -> Shape:
+    def box(x: float, z: float, turn: float) -> QuadMesh:
         return turned_about(rounded_box((0.34, 0.42, 0.34), 0.03), 1, turn).moved((x, 0.21, z))
 
     parts = (

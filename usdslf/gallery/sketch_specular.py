@@ -15,7 +15,7 @@ import numpy as np
 
 from usdslf.gallery.records import Dabs, Entry, PlayLike, on_picture
 from usdslf.procedural.built_shot import BuiltShot, Inputs, Lamp, Part, View
-from usdslf.procedural.shapes import Shape, ball, curve, join, lathe, panel, tube
+from usdslf.procedural.shapes import QuadMesh, ball, curve, join, lathe, panel, tube
 from usdslf.procedural.textures import planks, studio
 from usdslf.textures.images import write_image
 
@@ -30,7 +30,7 @@ MATERIALS: dict[str, Inputs] = {
 }  # fmt: skip
 
 
-def dragon() -> Shape:
+def dragon() -> QuadMesh:
     """A coiled dragon that lies on the origin, its neck up and its head towards +X +Z."""
     turn = np.linspace(0, 2 * np.pi * 2.15, 26)
     share = np.linspace(0, 1, 26)

@@ -18,7 +18,7 @@ import numpy as np
 from usdslf.gallery.records import Dabs, Entry, PlayLike, Point, Rgb
 from usdslf.procedural.built_shot import BuiltShot, Inputs, Lamp, Part, View
 from usdslf.procedural.shapes import (
-    Shape,
+    QuadMesh,
     ball,
     curve,
     join,
@@ -103,7 +103,7 @@ def _views() -> tuple[View, ...]:
     )
 
 
-def teapot() -> Shape:
+def teapot() -> QuadMesh:
     """A teapot that stands on the origin, its spout towards +X."""
     body = lathe(
         curve(
@@ -121,7 +121,7 @@ def teapot() -> Shape:
     return join(body, tube(spout, np.linspace(0.052, 0.022, 40)), tube(handle, 0.017))
 
 
-def vase() -> Shape:
+def vase() -> QuadMesh:
     """A vase with an inside."""
     outside = [(0, 0.0), (0.085, 0.0), (0.10, 0.012), (0.15, 0.12), (0.185, 0.25), (0.165, 0.39), (0.09, 0.50),
                (0.072, 0.55), (0.09, 0.60), (0.112, 0.622)]  # fmt: skip
@@ -129,7 +129,7 @@ def vase() -> Shape:
     return lathe(curve(outside + inside, 130), 112)
 
 
-def wagon() -> tuple[Shape, Shape]:
+def wagon() -> tuple[QuadMesh, QuadMesh]:
     """Body with handle, and wheels, of a toy wagon along X."""
     floor = rounded_box((0.42, 0.03, 0.24), 0.012).moved((0, 0.10, 0))
     side = rounded_box((0.42, 0.10, 0.022), 0.009)

@@ -16,7 +16,7 @@ import numpy as np
 from usdslf.gallery.records import Dabs, Entry, PlayLike, on_picture
 from usdslf.gallery.still_life import wagon
 from usdslf.procedural.built_shot import BuiltShot, Inputs, Lamp, Part, View
-from usdslf.procedural.shapes import Shape, ball, curve, join, lathe, panel, rounded_box, torus, turned_about
+from usdslf.procedural.shapes import QuadMesh, ball, curve, join, lathe, panel, rounded_box, torus, turned_about
 from usdslf.procedural.textures import planks, studio
 from usdslf.textures.images import write_image
 
@@ -39,7 +39,7 @@ TRUTH: dict[str, Inputs] = {
 """What the strokes were painted for."""
 
 
-def plane() -> tuple[Shape, Shape]:
+def plane() -> tuple[QuadMesh, QuadMesh]:
     """Body with wings and tail, and propeller with wheels, of a toy plane that flies towards +X."""
     profile = [(0.0, -0.33), (0.018, -0.325), (0.03, -0.25), (0.06, -0.08), (0.075, 0.08), (0.068, 0.2), (0.05, 0.255),
                (0.022, 0.272), (0.0, 0.275)]  # fmt: skip

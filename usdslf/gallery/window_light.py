@@ -14,7 +14,7 @@ from usdslf.gallery.environment import put_environment
 from usdslf.gallery.records import Entry, PlayLike, Point
 from usdslf.gallery.still_life import teapot
 from usdslf.procedural.built_shot import BuiltShot, Inputs, Lamp, Part, View
-from usdslf.procedural.shapes import Shape, curve, join, lathe, panel, tube
+from usdslf.procedural.shapes import QuadMesh, curve, join, lathe, panel, tube
 from usdslf.procedural.textures import planks
 from usdslf.scene.cameras import camera_rays
 from usdslf.session import Session
@@ -32,7 +32,7 @@ MATERIALS: dict[str, Inputs] = {
 }  # fmt: skip
 
 
-def cup() -> Shape:
+def cup() -> QuadMesh:
     """A cup on a saucer that stands on the origin."""
     saucer = [(0, 0.0), (0.05, 0.0), (0.055, 0.006), (0.10, 0.022), (0.115, 0.032), (0.112, 0.036), (0.095, 0.028),
               (0.05, 0.014), (0, 0.013)]  # fmt: skip

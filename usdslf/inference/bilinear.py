@@ -210,7 +210,7 @@ def _rows_of(e: Evidence, material: int, model: str) -> _Rows:
     keep = e.material[e.dab_of_sample[row]] == material
     other = np.flatnonzero((e.dab_of_sample >= n) & (s.material == material))
     elsewhere = bilinear(e.columns[other], d[other], f0[other], f90[other], tied, model)
-    own = bilinear(e.columns[:, -1:], d, f0, f90, tied, model).p[:, 0] + e.coat
+    own = bilinear(e.columns[:, -1:], d, f0, f90, tied, model).p[:, 0] + e.unchanging
     colors = e.target[here]
     is_even = bool((colors.std(0) <= 0.01 * colors.mean() + 1e-9).all()) if len(here) > 2 else False
     return _Rows(
@@ -220,7 +220,7 @@ def _rows_of(e: Evidence, material: int, model: str) -> _Rows:
         swatch=swatches(colors, is_even) if e.stroke.tool == "replace" else np.full(len(here), -1),
         varied=np.full(len(here), varies(e.levels[:, -1])),
         **_of_dabs(e, here, d, f0, f90, tied, model),
-        elsewhere=replace(elsewhere, p=elsewhere.p + e.coat[other, None]),
+        elsewhere=replace(elsewhere, p=elsewhere.p + e.unchanging[other, None]),
         background=bilinear(e.background, d[row], f0[row], f90[row], tied, model).rows(keep),
         levels=mean(e.levels),
         opacity=mean(s.opacity.astype(np.float64)),
@@ -242,17 +242,17 @@ def _of_dabs(e: Evidence, here: NDArray, d: F64, f0: F64, f90: F64, tied: bool, 
     n = len(e.target)
     mean = lambda x: mean_by(x, e.dab_of_sample)[:n][here]  # noqa: E731
     mine = np.isin(e.dab_of_sample, here)
-    coat = mean(e.coat)[:, None]
+    unchanging = mean(e.unchanging)[:, None]
     if not mine.any() or max(np.ptp(x[mine], axis=0).max() for x in (d, f0, f90)) == 0:
         of_dab = lambda x: np.broadcast_to(x[np.argmax(mine)], (len(here), 3))  # noqa: E731
         d, f0 = of_dab(d), of_dab(f0)  # the means come first: bilinear in the columns, and all weights alike
         b = bilinear(mean(e.columns), d, f0, of_dab(f90), tied, model)
         d, f0 = d[:, None], f0[:, None]
         factors = {"factor_u": b.u * d, "factor_w": b.w * d, "factor_v": b.v * f0}
-        return {"dabs": replace(b, p=b.p + coat), **factors}
+        return {"dabs": replace(b, p=b.p + unchanging), **factors}
     b = bilinear(e.columns, d, f0, f90, tied, model)
     return {
-        "dabs": Bilinear(mean(b.p) + coat, mean(b.u), mean(b.v), mean(b.w)),
+        "dabs": Bilinear(mean(b.p) + unchanging, mean(b.u), mean(b.v), mean(b.w)),
         "factor_u": mean(b.u * d[:, None]),
         "factor_w": mean(b.w * d[:, None]),
         "factor_v": mean(b.v * f0[:, None]),

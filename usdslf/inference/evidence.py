@@ -46,7 +46,7 @@ class Evidence:
     surface: SurfacePoints  # (S,)
     levels: NDArray[np.float64]  # (S, J)
     columns: NDArray[np.float32]  # (S, J, 4, 3) X, Y, A, B
-    coat: NDArray[np.float64]  # (S, 3) radiance that no parameter of ours changes; see `unchanging_radiance`
+    unchanging: NDArray[np.float64]  # (S, 3) radiance that no parameter of ours changes: `unchanging_radiance`
     background_sample: NDArray[np.int64]  # (B,) the sample whose reflectance a background row has
     background: NDArray[np.float32]  # (B, J, 4, 3)
     _made: dict[tuple[Any, ...], Any] = dataclass_field(default_factory=dict, init=False, repr=False)
@@ -78,7 +78,7 @@ def build_evidence(
     background_sample, background = np.zeros(0, np.int64), np.zeros((0, *columns.shape[1:]))
     if is_weighed:
         background_sample, background = _background(samples, field, levels, first)
-    coat = unchanging_radiance(samples, field)
+    unchanging = unchanging_radiance(samples, field)
     target = stroke.colors[stroke_row].astype(np.float64)
     if stroke.space == "reflectance":
         e_over_pi = mean_by(columns[:, -1, 0].astype(np.float64) + columns[:, -1, 1], samples.dab)[:n]
@@ -86,7 +86,7 @@ def build_evidence(
     if wanted is not None:
         target = wanted
     return Evidence(
-        stroke, target, surface.material[first].astype(np.int64), samples.dab, surface, levels, columns, coat,
+        stroke, target, surface.material[first].astype(np.int64), samples.dab, surface, levels, columns, unchanging,
         background_sample, background,
     )  # fmt: skip
 

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from usdslf.procedural.shapes import Shape
+from usdslf.procedural.shapes import QuadMesh
 
 Vec3 = tuple[float, float, float]
 Inputs = Mapping[str, Any]
@@ -23,7 +23,7 @@ class Part:
     """A mesh with one material."""
 
     name: str
-    shape: Shape
+    shape: QuadMesh
     material: str
 
 

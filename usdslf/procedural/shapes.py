@@ -14,7 +14,7 @@ F64 = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Shape:
+class QuadMesh:
     """A polygon mesh of quads.  V points, F faces."""
 
     points: F64  # (V, 3)
@@ -22,15 +22,15 @@ class Shape:
     normals: F64  # (V, 3) unit
     st: F64  # (V, 2)
 
-    def moved(self, by: ArrayLike) -> Shape:
+    def moved(self, by: ArrayLike) -> QuadMesh:
         """Returns the shape translated by a vector (3,)."""
-        return Shape(self.points + np.asarray(by, np.float64), self.quads, self.normals, self.st)
+        return QuadMesh(self.points + np.asarray(by, np.float64), self.quads, self.normals, self.st)
 
 
-def join(*shapes: Shape) -> Shape:
+def join(*shapes: QuadMesh) -> QuadMesh:
     """Puts shapes together as one mesh."""
     first = np.cumsum([0, *(len(s.points) for s in shapes[:-1])])
-    return Shape(
+    return QuadMesh(
         np.concatenate([s.points for s in shapes]),
         np.concatenate([s.quads + f for s, f in zip(shapes, first)]).astype(np.int32),
         np.concatenate([s.normals for s in shapes]),
@@ -55,7 +55,7 @@ def curve(knots: ArrayLike, steps: int) -> F64:
     return 0.5 * (2 * b + (c - a) * t + (2 * a - 5 * b + 4 * c - d) * t**2 + (3 * b - a - 3 * c + d) * t**3)
 
 
-def lathe(profile: F64, segments: int = 64) -> Shape:
+def lathe(profile: F64, segments: int = 64) -> QuadMesh:
     """Turns a profile (k, 2) of (radius, height), listed bottom to top on its outer side, about the Y axis."""
     k = len(profile)
     tangent = np.gradient(profile, axis=0)
@@ -71,10 +71,10 @@ def lathe(profile: F64, segments: int = 64) -> Shape:
     run = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(profile, axis=0), axis=1))])
     v, u = np.meshgrid(run / run[-1], turn / (2 * np.pi), indexing="ij")
     points, normals = turned(*profile.T), turned(*across.T)
-    return Shape(points, grid_quads(k, segments + 1), normals, np.stack([u.ravel(), v.ravel()], 1))
+    return QuadMesh(points, grid_quads(k, segments + 1), normals, np.stack([u.ravel(), v.ravel()], 1))
 
 
-def tube(path: F64, radius: ArrayLike, segments: int = 24) -> Shape:
+def tube(path: F64, radius: ArrayLike, segments: int = 24) -> QuadMesh:
     """Sweeps a circle along a path (k, 3); `radius` is one number or (k,).  Its ends are open."""
     radius = np.broadcast_to(np.asarray(radius, np.float64), len(path))
     ahead = np.gradient(path, axis=0)
@@ -96,17 +96,17 @@ def tube(path: F64, radius: ArrayLike, segments: int = 24) -> Shape:
     normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
     v, u = np.meshgrid(np.linspace(0, 1, len(path)), np.linspace(0, 1, segments + 1), indexing="ij")
     st = np.stack([u.ravel(), v.ravel()], 1)
-    return Shape(points.reshape(-1, 3), grid_quads(len(path), segments + 1), normals.reshape(-1, 3), st)
+    return QuadMesh(points.reshape(-1, 3), grid_quads(len(path), segments + 1), normals.reshape(-1, 3), st)
 
 
-def torus(ring: float, thickness: float, segments: int = 96) -> Shape:
+def torus(ring: float, thickness: float, segments: int = 96) -> QuadMesh:
     """A ring about the Y axis; its centre line has radius `ring`, its section radius `thickness`."""
     turn = np.linspace(-np.pi / 2, 3 * np.pi / 2, 33)
     # Runs up on the outer side and down on the inner one: the outside stays on the right.
     return lathe(np.stack([ring + thickness * np.cos(turn), thickness * np.sin(turn)], 1), segments)
 
 
-def rounded_box(size: ArrayLike, radius: float, steps: int = 6) -> Shape:
+def rounded_box(size: ArrayLike, radius: float, steps: int = 6) -> QuadMesh:
     """A box of full `size` (3,) about the origin, its edges rounded with `radius`."""
     inner = np.asarray(size, np.float64) / 2 - radius
     slope = np.tan(np.linspace(-np.pi / 4, 0, steps))
@@ -125,32 +125,32 @@ def rounded_box(size: ArrayLike, radius: float, steps: int = 6) -> Shape:
             direction /= np.linalg.norm(direction, axis=-1, keepdims=True)
             points = centre + radius * direction
             st = (points[..., [u, v]] / np.asarray(size, np.float64)[[u, v]] + 0.5).reshape(-1, 2)
-            parts.append(Shape(points.reshape(-1, 3), grid_quads(n, n), direction.reshape(-1, 3), st))
+            parts.append(QuadMesh(points.reshape(-1, 3), grid_quads(n, n), direction.reshape(-1, 3), st))
     return join(*parts)
 
 
-def panel(corner: ArrayLike, along_s: ArrayLike, along_t: ArrayLike, repeat: float = 1.0) -> Shape:
+def panel(corner: ArrayLike, along_s: ArrayLike, along_t: ArrayLike, repeat: float = 1.0) -> QuadMesh:
     """A flat rectangle from a corner and its two sides; faces along_s x along_t."""
     c, s, t = (np.asarray(x, np.float64) for x in (corner, along_s, along_t))
     normal = np.cross(s, t)
     normal /= np.linalg.norm(normal)
     points = np.stack([c, c + s, c + s + t, c + t])
     st = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], np.float64) * repeat
-    return Shape(points, np.array([[0, 1, 2, 3]], np.int32), np.tile(normal, (4, 1)), st)
+    return QuadMesh(points, np.array([[0, 1, 2, 3]], np.int32), np.tile(normal, (4, 1)), st)
 
 
-def ball(radius: float, rows: int = 40, segments: int = 80) -> Shape:
+def ball(radius: float, rows: int = 40, segments: int = 80) -> QuadMesh:
     """A sphere about the origin."""
     turn = np.linspace(-np.pi / 2, np.pi / 2, rows + 1)
     shape = lathe(np.stack([np.cos(turn), np.sin(turn)], 1) * radius, segments)
-    return Shape(shape.points, shape.quads, shape.points / radius, shape.st)
+    return QuadMesh(shape.points, shape.quads, shape.points / radius, shape.st)
 
 
-def turned_about(shape: Shape, axis: int, angle: float) -> Shape:
+def turned_about(shape: QuadMesh, axis: int, angle: float) -> QuadMesh:
     """Returns the shape turned about a coordinate axis by an angle [rad]."""
     c, s = np.cos(angle), np.sin(angle)
     i, j = (axis + 1) % 3, (axis + 2) % 3
     turn = np.eye(3)
     turn[i, i] = turn[j, j] = c
     turn[i, j], turn[j, i] = -s, s
-    return Shape(shape.points @ turn.T, shape.quads, shape.normals @ turn.T, shape.st)
+    return QuadMesh(shape.points @ turn.T, shape.quads, shape.normals @ turn.T, shape.st)
