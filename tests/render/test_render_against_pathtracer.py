@@ -18,6 +18,7 @@ LIVE = {"room_glossy_area": 0.016, "metals_textured_dome": 0.012, "textured_sky_
 """ """
 
 
+@pytest.mark.divided
 @pytest.mark.parametrize("name", SCENES)
 def test_picture_agrees_with_the_path_tracer(name: str, tmp_path: Path) -> None:
     """Mean relative error after 5 x 5 averaging, light units and orientation included."""

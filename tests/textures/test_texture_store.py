@@ -300,6 +300,7 @@ SCRIPT = textwrap.dedent(
 )
 
 
+@pytest.mark.divided
 def test_a_stage_of_fifty_4k_textures_stays_under_4_gib(large_stage: Path, tmp_path: Path) -> None:
     picture = tmp_path / "o.exr"
     temporary = tmp_path / "temporary"
