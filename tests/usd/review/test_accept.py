@@ -92,7 +92,7 @@ def test_a_stroke_that_asks_with_another_stays_and_that_is_said(folder: Path) ->
     done = accept_look(
         folder / "shot.usda", folder / "look.usda", folder / "accepted.usda", Wish(but=("stroke_0001",))
     )
-    assert not done.left_out and any("stroke_0001 asks together with" in w for w in done.warnings)
+    assert not done.left_out and any("stroke_0001, which asked together with" in w for w in done.warnings)
     done = accept_look(
         folder / "shot.usda", folder / "look.usda", folder / "accepted.usda", Wish(but=("stroke_0001", "stroke_0002"))
     )

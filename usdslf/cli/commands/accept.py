@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 
 import click
 
 from usdslf.cli.parameters import Choose
 from usdslf.cli.program import Command, Settings, Several, gathered, print_json, settings
-from usdslf.cli.terminal import warn
+from usdslf.cli.shot_options import Lighting, lighting_options
+from usdslf.cli.terminal import progress, warn
 
 
 @dataclass(frozen=True)
@@ -30,18 +31,28 @@ class Choice:
 @click.option("--verdict", metavar="FILE", help="As the page of review saved it.")
 @click.option("--choose", type=Choose(), multiple=True, help="Leave one of the alternatives that the look holds.")
 @click.option("--json", "as_json", is_flag=True, help="JSON instead of text.")
+@lighting_options("Where strokes are solved again: give surfaces without UsdPreviewSurface one.")
 @gathered("choice", Choice)
 @settings
-def accept(settings: Settings, stage: str, look: str, output: str, choice: Choice, as_json: bool) -> None:
-    """Write what is accepted of a look; a NAME is a stroke, a material, one of its inputs, or a gprim."""
+def accept(
+    settings: Settings, stage: str, look: str, output: str, choice: Choice, shot: Lighting, as_json: bool
+) -> None:
+    """Write what is accepted of a look; a NAME is a stroke, a material, one of its inputs, or a gprim.
+
+    Of several strokes that were answered together the others are solved again without those that are not accepted.
+    """
+    from usdslf.progress import hearing
+    from usdslf.review.accepting import accept as accept_some
     from usdslf.review.verdict import read_verdict
-    from usdslf.usd.review.accept import Wish, accept_look
+    from usdslf.usd.review.accept import Wish
 
     wish = Wish(choice.only, choice.but, choose=dict(choice.choose))
     if choice.verdict:
         said = read_verdict(choice.verdict, look).wish()
         wish = replace(wish, said=said.said, by=said.by, verdict=said.verdict)
-    done = accept_look(stage, look, output, wish)
+    options = {"device": settings.device, "ocio": settings.ocio, **asdict(shot)}
+    with progress(settings.quiet) as say, hearing(lambda p: say(p.step, p.share)):
+        done = accept_some(stage, look, output, wish, options)
     warn(done.warnings, settings.quiet)
     if as_json:
         print_json(done.as_values())

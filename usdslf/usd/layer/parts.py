@@ -51,6 +51,25 @@ class Part:
 
 
 @dataclass(frozen=True)
+class Shared:
+    """A stroke that is not accepted, of several that were answered together.
+
+    Attributes:
+        stroke: its path.
+        others: of those that stay.
+        material: that they ask for together.
+    """
+
+    stroke: str
+    others: tuple[str, ...]
+    material: str
+
+    def in_words(self) -> str:
+        """A phrase."""
+        return f"{self.stroke}, which asked together with {_some(self.others)} for {self.material}"
+
+
+@dataclass(frozen=True)
 class Parts:
     """The properties of a look layer.
 
@@ -86,10 +105,14 @@ class Parts:
 
         Raises: InputError where it is for none.
         """
-        for test in (*_NARROW_FIRST, self._is_on_gprim, _is_of_stroke):
+        for test in (*self._narrow_first, _is_of_stroke):
             if found := {p.path for p in self.parts if test(p, name)}:
                 return found
         raise InputError(f"the look has nothing for {name}; name one of: {_some(self._names())}")
+
+    def has(self, name: str) -> bool:
+        """Whether a name is for anything."""
+        return any(test(p, name) for p in self.parts for test in (*self._narrow_first, _is_of_stroke))
 
     def decide(self, said: Mapping[str, bool], is_kept: bool) -> dict[Sdf.Path, dict[str, bool]]:
         """Returns for each property by target whether it is kept.
@@ -106,7 +129,7 @@ class Parts:
 
     def _is_kept(self, part: Part, target: str, said: Mapping[str, bool], is_kept: bool) -> bool:
         alone = Part(part.path, (target,), part.strokes)
-        for test in (*_NARROW_FIRST, self._is_on_gprim):
+        for test in self._narrow_first:
             found = [(len(name), keep) for name, keep in said.items() if test(alone, name)]
             if found:
                 return max(found)[1]
@@ -117,16 +140,31 @@ class Parts:
         is_all = len(asked) >= len(part.strokes) > 0
         return False if is_all else is_kept
 
-    def shared_strokes(self, said: Mapping[str, bool]) -> list[str]:
-        """Returns a sentence for each rejected stroke whose answer others share, so that it stays."""
-        found = {}
-        for name in (n for n, keep in said.items() if not keep):
-            for part in self.parts:
-                mine = [s for s in part.strokes if _is_stroke(s, name)]
-                others = [s for s in part.strokes if not any(_is_stroke(s, n) for n, keep in said.items() if not keep)]
-                if mine and others:
-                    found[name] = f"{name} asks together with {_some(others)} for {part.materials[0]}, which stays"
+    def shared_strokes(self, said: Mapping[str, bool], is_kept: bool) -> list[Shared]:
+        """Returns the strokes that are not accepted though what they ask for, together with others, is kept.
+
+        Args:
+            said, is_kept: as of `decide`.  Where what no name is for is not kept, neither is a stroke without a name,
+                unless a narrower name accepts what it asks for.
+        """
+        decided = self.decide(said, is_kept)
+        found: dict[str, Shared] = {}
+        for part in (p for p in self.parts if any(decided[p.path].values())):
+            of = {s: [keep for name, keep in said.items() if _is_stroke(s, name)] for s in part.strokes}
+            is_narrow = any(keep and test(part, n) for n, keep in said.items() for test in self._narrow_first)
+            gone = {s for s, keeps in of.items() if keeps and not any(keeps)}
+            if not is_kept and not is_narrow:
+                gone |= {s for s, keeps in of.items() if not keeps}
+            if gone and len(gone) < len(of):
+                others = tuple(s for s in of if s not in gone)
+                for stroke in part.strokes:
+                    if stroke in gone:
+                        found.setdefault(stroke, Shared(stroke, others, part.materials[0]))
         return list(found.values())
+
+    @property
+    def _narrow_first(self) -> tuple[Callable[[Part, str], bool], ...]:
+        return (*_NARROW_FIRST, self._is_on_gprim)
 
     def _is_on_gprim(self, part: Part, name: str) -> bool:
         shows = self.gprims.get(name, ())

@@ -1,6 +1,7 @@
 """Accept: a look that holds what was accepted of another one, and says what was left out.
 
     accept_look(shot, look, out, wish) -> Accepted     writes `out`; the look stays as it is
+    shared_strokes(shot, look, wish) -> [Shared]       rejected strokes that only another solve can leave out
     Wish                                               what is accepted and rejected, by name
 
 What no name is for is accepted, unless something is asked for by `only`.  A property that several inputs share (scale
@@ -29,7 +30,7 @@ from usdslf.usd.files import write_layer
 from usdslf.usd.layer.hand_edits import RECORD, added_by_hand, record_of, specs_of, what_is_by_hand
 from usdslf.usd.layer.moved_look import carry_textures, move_paths
 from usdslf.usd.layer.opinions import base_of, channels_of
-from usdslf.usd.layer.parts import Part, Parts
+from usdslf.usd.layer.parts import Part, Parts, Shared
 from usdslf.usd.layer.silent import SILENT, prune
 from usdslf.usd.look_data import KEY, our_data, texts
 from usdslf.usd.review.narrowed import narrow
@@ -45,6 +46,19 @@ _NUMBERS = "rgba"
 
 
 @dataclass(frozen=True)
+class Again:
+    """Why a look that is accepted is not the one that was reviewed.
+
+    Attributes:
+        look: file of the one that was.
+        without: paths of the strokes that it was solved again without.
+    """
+
+    look: str
+    without: tuple[str, ...]
+
+
+@dataclass(frozen=True)
 class Wish:
     """What is accepted of a look.
 
@@ -55,6 +69,7 @@ class Wish:
         by: who decided, for provenance.
         verdict: the file, for provenance.
         choose: by Material or stroke which of the alternatives that the look holds is left, without the others.
+        again: the look is one that was solved again; names that are for nothing in it are passed over.
     """
 
     only: tuple[str, ...] = ()
@@ -63,6 +78,7 @@ class Wish:
     by: str = ""
     verdict: str = ""
     choose: Mapping[str, str] = field(default_factory=dict)
+    again: Again | None = None
 
     @property
     def names(self) -> dict[str, bool]:
@@ -127,6 +143,19 @@ def accept_look(
     return Accepted(os.fspath(out), kept, left, tuple(str(t) for t in textures), (*work.warnings, *said))
 
 
+def shared_strokes(
+    shot: str | os.PathLike[str], look: str | os.PathLike[str], wish: Wish
+) -> list[Shared]:  # fmt: skip
+    """Returns the strokes that a wish does not accept, and that a layer cannot be without: others asked with them.
+
+    Raises: StageError for the shot, InputError for the look and for a name that is for nothing in it.
+    """
+    layer = open_look(look)
+    stage, _ = over_its_shot(shot, look)
+    with quiet_usd():
+        return Parts.of(layer, _shown(stage, layer)).shared_strokes(wish.names, not wish.only)
+
+
 def _choose(layer: Sdf.Layer, choose: Mapping[str, str]) -> list[str]:
     """Leaves one of the alternatives of Materials; returns what was chosen, in words."""
     found = []
@@ -173,12 +202,12 @@ class _Accepting:
         self.layer, self.parts, self.below = layer, parts, below
         self.warnings: list[str] = []
         self.wish = wish
-        names = dict(wish.names)
+        names = {n: keep for n, keep in wish.names.items() if not (wish.again and not parts.has(n))}
         for name in names:
             parts.named(name)
         gprims = {name: names.pop(name) for name in list(names) if name in parts.gprims}
         self.decided = parts.decide(names, not wish.only)
-        self.warnings += parts.shared_strokes(names)
+        self.warnings += [f"{x.in_words()}, stays" for x in parts.shared_strokes(names, not wish.only)]
         self.partly = self._by_gprim(gprims)
         for targets in self.decided.values():
             for target in targets:
@@ -278,13 +307,17 @@ class _Accepting:
     def provenance(self, look: Path) -> dict[str, Any]:
         """What the new look says of how it came about."""
         kept_of = {m: ", ".join(k) for m, k in self.partly.items() if k}
+        again = self.wish.again
+        reviewed = Path(again.look) if again else look
         data: dict[str, Any] = {
-            "look": look.name,
-            "lookHash": file_hash(look),
+            "look": reviewed.name,
+            "lookHash": file_hash(reviewed),
             "leftOut": Vt.StringArray(list(self.told()[1])),
             "partOf": Vt.StringArray([f"{m} for {k}" for m, k in kept_of.items()]),
         }
         wish = self.wish
+        if again:
+            data["solvedWithout"] = Vt.StringArray(list(again.without))
         return data | {k: v for k, v in (("by", wish.by), ("verdict", wish.verdict)) if v}
 
 
