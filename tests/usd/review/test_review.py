@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 
@@ -10,7 +11,7 @@ import numpy as np
 import pytest
 from kit.look_stages import author, change_of, new_shot
 from kit.varying_floor import places, seen, stroke, write_floor
-from pxr import Sdf, UsdShade
+from pxr import Sdf, Usd, UsdShade
 
 import usdslf
 from usdslf.usd.review.review import review_look
@@ -19,15 +20,22 @@ from usdslf.usd.stroke_layer import write_strokes
 Run = Callable[..., tuple[int, str, str]]
 
 
-@pytest.fixture
-def shot_and_look(tmp_path: Path) -> tuple[Path, Path]:
-    shot, look, strokes = write_floor(tmp_path), tmp_path / "look.usda", tmp_path / "strokes.usda"
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    folder = tmp_path_factory.mktemp("made")
+    shot, look, strokes = write_floor(folder), folder / "look.usda", folder / "strokes.usda"
     session = usdslf.open(str(shot), elements=400)
     session.add_stroke(stroke(seen(places(), (0.6, 0.2, 0.1))))
     write_strokes(strokes, session.strokes, session.stage)
     session.solve()
     session.author(look, strokes_path=strokes)
     return shot, look
+
+
+@pytest.fixture
+def shot_and_look(made: tuple[Path, Path], tmp_path: Path) -> tuple[Path, Path]:
+    shutil.copytree(made[0].parent, tmp_path, dirs_exist_ok=True)
+    return tmp_path / made[0].name, tmp_path / made[1].name
 
 
 def test_a_look_is_said_with_what_it_changes(shot_and_look: tuple[Path, Path], run: Run) -> None:
@@ -68,6 +76,25 @@ def test_a_look_of_another_shot_is_said(shot_and_look: tuple[Path, Path], run: R
         assert run("review", same, look)[0] == 0
     code, out, _ = run("review", other, look)
     assert code == 1 and f"it was solved for ./{shot.name}, which is no part of this shot" in out
+
+
+def test_what_an_earlier_look_of_the_shot_says_is_replaced_and_no_finding(
+    shot_and_look: tuple[Path, Path], tmp_path: Path
+) -> None:
+    shot, earlier = shot_and_look
+    later = tmp_path / "later"
+    later.mkdir()
+    (later / "shot.usda").write_text(f"#usda 1.0\n(\n    subLayers = [@../{earlier.name}@, @../{shot.name}@]\n)\n")
+    stage = Usd.Stage.Open(str(later / "shot.usda"))
+    (edit,) = author(stage, later, change_of(stage, "/World/floor", "diffuse", (0.1, 0.5, 0.2)))
+    assert edit.attribute == "inputs:diffuseColor"
+    found = review_look(later / "shot.usda", later / "look.usda", None)
+    assert not found.findings and found.edits[0].wins
+    (later / "hidden.usda").write_text(
+        f"#usda 1.0\n(\n    subLayers = [@../{earlier.name}@, @./look.usda@, @../{shot.name}@]\n)\n"
+    )
+    names = [f.name for f in review_look(later / "hidden.usda", later / "look.usda", None).findings]
+    assert "HiddenEdit" in names
 
 
 def test_what_is_no_look_is_refused(shot_and_look: tuple[Path, Path], run: Run, tmp_path: Path) -> None:

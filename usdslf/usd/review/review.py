@@ -20,6 +20,7 @@ from usdslf.edits.collateral import Collateral, words_of
 from usdslf.errors import InputError, StageError, StrokeError
 from usdslf.strokes.stroke import Stroke
 from usdslf.usd.author.collateral import Reading, collateral_between
+from usdslf.usd.binding import BINDING, bound_relationship
 from usdslf.usd.border import in_words, plain, quiet_usd, reading
 from usdslf.usd.edited import open_edited
 from usdslf.usd.layer.affected import gprims_reached
@@ -113,6 +114,7 @@ class _Reviewing:
             if isinstance(s, Sdf.PropertySpec)
         ]
         edits += [self._silent(at, s, of[at]) for at, s in silent_specs(layer) if isinstance(s, Sdf.PropertySpec)]
+        findings = [f for f in findings if f.name != "HiddenEdit" or f.prim not in self._replaced(edits)]
         materials = [
             _material(s, str(shown(s.path)), gprims_of(s))
             for s in specs
@@ -133,6 +135,17 @@ class _Reviewing:
             is_stale=bool([*stale(layer), *of_another_shot(layer, stage)]),
             validator_errors=tuple(_new_errors(stage, self.below, layer)),
         )
+
+    def _replaced(self, edits: list[ReviewedEdit]) -> set[str]:
+        """Where this look shows: what an earlier one says there is replaced, which is no fault of either."""
+        found = set()
+        for e in (e for e in edits if e.wins):
+            prim = self.stage.GetPrimAtPath(e.shown_at)
+            if not e.attribute.startswith(BINDING):
+                found.add(f"{e.shown_at}.{e.attribute}")
+            elif prim and str(bound_relationship(prim)[0]) in (e.after or ()):
+                found.add(e.shown_at)
+        return found
 
     def _collateral(self) -> list[Collateral]:
         """What the look changes beside what it is meant to, at the frame that it was solved at."""
