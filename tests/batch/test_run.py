@@ -18,7 +18,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
-from kit.batch_shots import break_shot, bytes_below, mend_hanging, write_look, write_manifest, write_shot
+from kit.batch_shots import GOOD, WRONG, break_shot, bytes_below, mend_hanging, write_manifest, write_shot, write_twelve
 
 from usdslf.batch import Event, Limits, Summary, collect, plan, run_batch, run_job
 from usdslf.batch.apart import Stopped, resident, run_apart
@@ -26,16 +26,7 @@ from usdslf.batch.job import Job
 from usdslf.batch.records import write_failure
 from usdslf.cli.bench_batch import open_files
 
-GOOD = tuple(f"good{k}" for k in range(6))  # the first two are solved, the others shown under a look
-WRONG = ("a_hangs", "corrupt", "crashes", "empty", "killed", "missing")
-JOBS = """[[jobs]]
-shots = ["shots/[!g]*/stage.usda", "shots/good[01]/stage.usda"]
-strokes = ["{dir}/strokes.usda"]
-[[jobs]]
-shots = ["shots/good[2-5]/stage.usda"]
-look = "look.usda"
-"""
-LIMIT = 40  # seconds, of which a good job takes a tenth
+LIMIT = 30  # seconds, of which a good job takes a tenth
 
 
 @dataclass
@@ -53,13 +44,7 @@ class Ran:
 @pytest.fixture(scope="module")
 def ran(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Ran]:
     folder = tmp_path_factory.mktemp("batch")
-    for name in (*GOOD, *WRONG):
-        write_shot(folder / "shots" / name)
-    for how in ("corrupt", "empty", "missing"):
-        break_shot(folder / "shots" / how, how)
-    break_shot(folder / "shots/a_hangs", "hangs")
-    write_look(folder / "look.usda")
-    manifest = write_manifest(folder, f"seconds = {LIMIT}\nworkers = 3", jobs=JOBS)
+    manifest = write_twelve(folder, f"seconds = {LIMIT}\nworkers = 3")
     signals = {"killed": signal.SIGKILL, "crashes": signal.SIGSEGV}
 
     def kill(event: Event) -> None:

@@ -10,6 +10,15 @@ from pxr import Usd, UsdGeom
 
 from usdslf.usd.stroke_layer import write_strokes
 
+GOOD = tuple(f"good{k}" for k in range(6))  # the first two are solved, the others shown under a look
+WRONG = ("a_hangs", "corrupt", "crashes", "empty", "killed", "missing")
+TWELVE = """[[jobs]]
+shots = ["shots/a_hangs/stage.usda", "shots/corrupt/stage.usda", "shots/good[2-5]/stage.usda"]
+look = "look.usda"
+[[jobs]]
+shots = ["shots/crashes/stage.usda", "shots/[ekm]*/stage.usda", "shots/good[01]/stage.usda"]
+strokes = ["{dir}/strokes.usda"]
+"""
 OPTIONS = "[options]\nelements = 64\nsize = [48, 27]\nsamples = 1\n"
 RED = (0.55, 0.12, 0.1)
 
@@ -31,6 +40,20 @@ def write_manifest(folder: Path, limits: str = "", more: str = "", jobs: str = "
     text = f'output = "out"\nname = "{{folder}}"\n{pictures}{more}[limits]\n{limits}\n{OPTIONS}{table}'
     (folder / "batch.toml").write_text(text)
     return folder / "batch.toml"
+
+
+def write_twelve(folder: Path, limits: str) -> Path:
+    """Twelve shots, six of them with something wrong; `killed` and `crashes` are for who runs them to end.
+
+    Returns: the manifest.
+    """
+    for name in (*GOOD, *WRONG):
+        write_shot(folder / "shots" / name)
+    for how in ("corrupt", "empty", "missing"):
+        break_shot(folder / "shots" / how, how)
+    break_shot(folder / "shots/a_hangs", "hangs")
+    write_look(folder / "look.usda")
+    return write_manifest(folder, limits, jobs=TWELVE)
 
 
 def break_shot(folder: Path, how: str) -> None:

@@ -23,7 +23,8 @@ import numpy as np
 from usdslf.batch.found import Found, of_needs, read_needs, write_values
 from usdslf.batch.inputs import Read
 from usdslf.batch.job import Job
-from usdslf.batch.solving import READING, opened, read_of, write_pictures
+from usdslf.batch.reads import stages_read
+from usdslf.batch.solving import READING, opened, write_pictures
 from usdslf.edits.whole_set import colored_specular
 from usdslf.errors import InputError, SolveError
 from usdslf.inference.answers import Answer, Painted, Pool, means_of, scope_rows
@@ -145,7 +146,7 @@ class _View:
     @staticmethod
     def of(job: Job, say: Say | None) -> _View:
         strokes, said, session = opened(job, say)
-        read, begun = read_of(job, session)
+        read, begun = stages_read(job, session.shot.source)
         with session.hearing():
             shot = session.shot
             active = [s for s in strokes if s.active]

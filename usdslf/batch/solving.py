@@ -10,15 +10,14 @@ import usdslf.session
 from usdslf.batch.elsewhere import Scored, prefer_what_holds, score_elsewhere
 from usdslf.batch.found import Found, write_values
 from usdslf.batch.identity import identity_of
-from usdslf.batch.inputs import Read, inputs_of, read_together
 from usdslf.batch.job import Job
+from usdslf.batch.reads import stages_read
 from usdslf.inference.weights import Options
 from usdslf.outputs import write_picture
 from usdslf.report import lines_of_report
 from usdslf.session import Session
 from usdslf.similarity.similarity import Weights
 from usdslf.strokes.stroke import Stroke, frame_of
-from usdslf.usd.files_read import files_read
 from usdslf.usd.stroke_layer import read_strokes
 
 if TYPE_CHECKING:
@@ -32,7 +31,7 @@ SHOWN = ("path", "material", "inferred", "before", "after", "residual_before", "
 def solve_shot(job: Job, folder: Path, say: Say | None) -> Found:
     """Solves the strokes of a shot and writes look.usda, report.json, before.png and after.png into `folder`."""
     strokes, said, session = opened(job, say)
-    read, begun = read_of(job, session)
+    read, begun = stages_read(job, session.shot.source)
     for stroke in strokes:
         session.add_stroke(stroke)
     options = job.options
@@ -72,13 +71,6 @@ def opened(job: Job, say: Say | None) -> tuple[list[Stroke], list[str], Session]
     strokes = read_strokes(job.file(job.strokes), said)
     frame = frame_of([s for s in strokes if s.active], job.options.get("frame"), said)
     return strokes, said, open_shot(job, say, frame)
-
-
-def read_of(job: Job, *sessions: Session) -> tuple[Read, dict[str, str]]:
-    """Returns the files that shots stand on, and their hashes as they are before they are worked with."""
-    parts = [files_read(session.shot.source) for session in sessions]
-    read = read_together(Read((*p.found, *p.missing), p.patterns) for p in parts)
-    return read, inputs_of(job, read)
 
 
 def open_shot(job: Job, say: Say | None, frame: float | None = None) -> Session:
