@@ -31,6 +31,7 @@ from usdslf.usd.border import in_words
 from usdslf.usd.review.records import ReviewedEdit
 
 TEMPLATES = Path(__file__).parent / "templates"
+FAINT = 0.01  # of white on the display: indirect effects below it look as small as they are
 _COLORS = ("diffuse", "specular")
 _ORDER = ("constant", "texture", "scale", "primvar", "connection", "binding", "faces", "node")
 _HIDDEN = ("Cc", "Cf", "Zl", "Zp", "Co", "Cs")  # categories of what cannot be seen, or turns what is beside it
@@ -118,7 +119,7 @@ def _view(
     p = seen.pictures
     names = {name: f"{name}_{number}" for name in ("before", "after", "parts", "indirect_map")}
     scale = float(np.percentile(p.indirect, 99.8)) if p.indirect.size else 0.0
-    scale = scale if scale > 0 else float(p.indirect.max(initial=0.0)) or 1.0
+    scale = max(scale, FAINT / 2**p.exposure)
     row = p.gprim + 1
     parts = np.stack([row & 255, row >> 8, np.zeros_like(row)], -1) / 255
     pixels: dict[str, NDArray] = {

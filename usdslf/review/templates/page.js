@@ -204,6 +204,7 @@ function tell(v) {
   $("gain-value").textContent = "× " + 2 ** state.gain;
   const legend = $("legend");
   legend.replaceChildren();
+  legend.hidden = state.mode !== "indirect";
   if (state.mode === "indirect") {
     const bar = el("canvas", { width: 120, height: 1 }), context = bar.getContext("2d");
     for (let x = 0; x < 120; x++) { context.fillStyle = `rgb(${heat(x / 119).join(",")})`; context.fillRect(x, 0, 1, 1); }
@@ -279,17 +280,24 @@ function cards() {
   });
   if (!data.materials.length) $("cards").append(el("div", { class: "card dim" }, "The look changes nothing."));
 }
+const MEANS = { diffuseColor: "diffuse", specularColor: "specular", roughness: "roughness" }; // of an input, in a material
+function meanOf(material, row, end) { // where a number does not say what is seen
+  const name = MEANS[row.name.split(":")[0]];
+  if (row.representation === "constant" || !material || !name || material[end][name] === undefined) return "";
+  return el("div", { class: "dim" }, "mean ", ...valued(material[end][name], (material.colors[end] || {})[name]));
+}
 function changes() {
   const body = $("changes").tBodies[0];
   for (const group of data.changes) {
     body.append(el("tr", { class: "of" }, el("td", { colspan: 5, class: "path" }, text(group.material)),
       el("td", {}, judging(group.material, false))));
+    const material = data.materials.find((m) => m.shown_at === group.material);
     for (const row of group.inputs) {
       const shows = row.off ? "off" : row.wins ? "yes" : "hidden by " + row.hidden_by;
       body.append(el("tr", { class: row.off ? "is-off" : "" },
         el("td", { class: "path" }, text(row.name)),
-        el("td", { class: "nw" }, ...valued(row.before, row.before_color)),
-        el("td", { class: "nw" }, ...valued(row.after, row.after_color)),
+        el("td", {}, ...valued(row.before, row.before_color), meanOf(material, row, "before")),
+        el("td", {}, ...valued(row.after, row.after_color), meanOf(material, row, "after")),
         el("td", {}, row.representation, row.more ? el("span", { class: "dim" }, ` + ${row.more} more opinions`) : ""),
         el("td", { class: row.wins ? "" : "bad" }, text(shows),
           row.drifted ? el("div", { class: "warn" }, text(row.drifted)) : ""),
@@ -307,6 +315,9 @@ function strokes() {
     const of = data.materials.find((m) => m.strokes.includes(stroke.path)) || {};
     const changed = el("td");
     stroke.materials.forEach((m, i) => changed.append(i ? ", " : "", path(m.split("/").pop())));
+    const others = (of.strokes || []).filter((s) => s !== stroke.path).map((s) => s.split("/").pop());
+    if (others.length) changed.append(el("div", { class: "dim", title: "rejected alone, the others are solved again without it" },
+      "together with ", text(others.slice(0, 3).join(", ") + (others.length > 3 ? ` and ${others.length - 3} more` : ""))));
     const color = (value, hex) => el("td", { class: "nw" }, ...(value && value.length ? valued(value, hex) : ["–"]));
     body.append(el("tr", {}, el("td", { class: "path" }, text(stroke.path)),
       el("td", { class: "nw" }, stroke.tool, stroke.mode === "indirect" ? ", indirect" : ""), changed,
@@ -363,7 +374,7 @@ async function strip() {
     const canvas = el("canvas", { width: 276, height: Math.round(276 * v.size[1] / v.size[0]) });
     const name = { stroke: "painted from", "held out": "held out", light: "held out", camera: "camera", turntable: "turntable" }[v.kind];
     $("strip").append(el("button", { "data-view": index, "data-kind": v.kind, "aria-pressed": "false", title: shown(v.light || v.name),
-      onclick: () => setView(index) }, canvas, el("small", {}, name + ": ", text(v.light || v.name))));
+      onclick: () => setView(index) }, canvas, el("small", {}, name + ": ", text(v.light || v.name.split("/").pop()))));
     load(v.after).then((entry) => canvas.getContext("2d").drawImage(entry.image, 0, 0, canvas.width, canvas.height));
   });
   $("turn").max = Math.max(0, turns.length - 1);
