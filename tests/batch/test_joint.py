@@ -40,6 +40,12 @@ def test_two_lights_decide_what_neither_does_alone(shots: Shots, case: tuple[str
     assert c.f0_of(tables.f0) == pytest.approx(specular, abs=0.01)
 
 
+@pytest.mark.parametrize("change", ["diffuse", "glossiness"])
+def test_what_is_painted_is_what_a_path_tracer_sees(shots: Shots, change: str) -> None:
+    traced, stroke = shots.seen("ring4", change, "wide"), painted(ring("ring4"), LAMPS["wide"], AFTER[change])
+    assert stroke.colors[::2] == pytest.approx(traced, rel=0.01)
+
+
 def test_tables_are_files_and_light_has_no_unit(shots: Shots, tmp_path: Path) -> None:
     t = shots.tables("ring6", "diffuse", "high")
     with (tmp_path / "t.npz").open("wb") as file:

@@ -64,6 +64,14 @@ def test_a_stage_without_light_is_lit_as_stated(pictures: Pictures) -> None:
     assert pictures["dark"][90, 160] == pytest.approx(np.full(3, expected), rel=0.15)  # Storm's sheen adds some
 
 
+def test_each_selection_of_a_looks_alternatives_shows(pictures: Pictures) -> None:
+    """On materials that are local, referenced and in an instance, as where the shot itself says so."""
+    painted, shot = pictures["plain painted"], pictures["plain shot"]
+    assert (np.abs(painted - shot).max(-1) > 0.02).mean() > 0.01
+    np.testing.assert_allclose(pictures["selected diffuse"], painted, atol=2e-3)
+    np.testing.assert_allclose(pictures["selected as it was"], shot, atol=2e-3)
+
+
 def test_display_on_the_gpu_is_that_of_the_processor(pictures: Pictures) -> None:
     np.testing.assert_array_equal(pictures["pixels back"], pictures["pixels"])
     names = [n.split(" ", 1)[1] for n in pictures if n.startswith("gpu ")]

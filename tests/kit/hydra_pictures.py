@@ -21,6 +21,7 @@ CHOICE = choose_pxr()
 from kit.hydra_colors import GLOW  # noqa: E402
 from kit.stage_parts import StageBuilder, ball, box, torus  # noqa: E402
 from kit.stage_textures import write_image  # noqa: E402
+from kit.variant_pictures import variant_pictures  # noqa: E402
 from pxr import Gf, UsdGeom  # noqa: E402
 from PySide6.QtGui import QImage, QOffscreenSurface, QOpenGLContext  # noqa: E402
 from PySide6.QtWidgets import QWidget  # noqa: E402
@@ -150,6 +151,25 @@ def geometry(folder: Path) -> dict[str, np.ndarray]:
     return out
 
 
+def alternatives(folder: Path) -> dict[str, np.ndarray]:
+    """Selections of a look that holds alternatives."""
+    picture, at = GlPicture(), list[Camera]()
+    picture.resize(SIZE)
+
+    def draw(shot: Shot) -> np.ndarray:
+        at.append(shot.camera())
+        engine = Engine(LiveStage.of(shot.stage, shot.scene))
+        with picture.linear():
+            engine.draw(shot.scene, at[0], SIZE)
+        picture.add(1)
+        engine.release()
+        return np.array(picture.pixels())
+
+    out = variant_pictures(folder / "alternatives", draw)
+    picture.release()
+    return out
+
+
 def display(_: Path) -> dict[str, np.ndarray]:
     """The display pass on the GPU over pixels that the test knows, beside the processor's."""
     rng = np.random.default_rng(5)
@@ -261,7 +281,7 @@ def main(folder: Path) -> None:
     kinds = [k.name for k in hydra_kinds()]
     out: dict[str, np.ndarray] = {"kinds": np.array(kinds), "storm": np.array(STORM in [d.id for d in delegates()])}
     out["choice"] = np.array(CHOICE.sentence)
-    for part in (geometry, display):
+    for part in (geometry, alternatives, display):
         out |= part(folder)
     context.doneCurrent()
     out |= viewport(folder)

@@ -137,8 +137,13 @@ class _Reviewing:
         )
 
     def _replaced(self, edits: list[ReviewedEdit]) -> set[str]:
-        """Where this look shows: what an earlier one says there is replaced, which is no fault of either."""
-        found = set()
+        """Where a look that is laid over the shot shows: what an earlier one of the shot says there is replaced.
+
+        Two looks that are in the shot both, and clash there, are found as such.
+        """
+        found: set[str] = set()
+        if self.layer in self.stage.GetLayerStack(includeSessionLayers=False):
+            return found
         for e in (e for e in edits if e.wins):
             prim = self.stage.GetPrimAtPath(e.shown_at)
             if not e.attribute.startswith(BINDING):
