@@ -16,11 +16,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import cKDTree
 
+from usdslf.progress import in_blocks
 from usdslf.scene.records import F64
 from usdslf.similarity.similarity import Places
 
 NEAREST = 16
 APPEARANCE_STEP = 0.06  # of d, F0 and roughness together
+BLOCK = 1 << 13  # places at a time
 FLOOR = 1e-12  # of a kernel: where nothing near looks alike, what is near still counts
 
 
@@ -43,12 +45,26 @@ def upsampling_weights(
 ) -> tuple[NDArray[np.int64], F64]:
     """Returns which elements (n, k) each place takes its change from, and their weights (n, k), 1 in all."""
     count = min(nearest, len(known))
-    distance, index = cKDTree(known.position).query(x.position, count)
+    tree = cKDTree(known.position)
+    looks = appearance and bool(
+        np.ptp(known.reflectance, axis=0).any() or (x.reflectance != known.reflectance[0]).any()
+    )
+    index, k = np.empty((len(x), count), np.int64), np.empty((len(x), count))
+    for rows in in_blocks(len(x), BLOCK):
+        index[rows], k[rows] = _weights(x.rows(rows), known, tree, spacing, looks, count)
+    return index, k
+
+
+def _weights(
+    x: Places, known: Places, tree: cKDTree, spacing: float, appearance: bool, count: int
+) -> tuple[NDArray[np.int64], F64]:
+    """The same of a block."""
+    distance, index = tree.query(x.position, count)
     distance, index = distance.reshape(len(x), count), index.reshape(len(x), count)
     k = np.exp(-0.5 * np.minimum((distance / spacing) ** 2, 40.0))
     turned = np.einsum("ni,nki->nk", x.normal.astype(np.float64), known.normal[index].astype(np.float64))
     k = k * np.maximum(turned, 0) ** 2
-    if appearance and (np.ptp(known.reflectance, axis=0).any() or (x.reflectance != known.reflectance[0]).any()):
+    if appearance:
         other = ((x.reflectance[:, None].astype(np.float64) - known.reflectance[index]) ** 2).sum(-1)
         k = k * np.exp(-0.5 * np.minimum(other / APPEARANCE_STEP**2, 200.0))
     k = k + FLOOR * np.exp(-0.5 * np.minimum(((distance - distance[:, :1]) / spacing) ** 2, 40.0))
