@@ -93,6 +93,12 @@ class Device:
         except cl.Error as error:
             raise _device_error(error, f"an array of {host.nbytes} bytes") from error
 
+    def put(self, array_d: Any, first: int, rows: NDArray) -> None:
+        """Copies rows (n, ...) of the host to those of an array on the device from `first` on."""
+        self.moved += rows.nbytes
+        at = array_d.offset + first * array_d.strides[0]
+        cl.enqueue_copy(self.queue, array_d.base_data, np.ascontiguousarray(rows), dst_offset=at)
+
     def empty(self, shape: tuple[int, ...], dtype: Any) -> Any:
         """Makes an array with no defined content on the device."""
         try:

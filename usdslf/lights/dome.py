@@ -19,6 +19,8 @@ from usdslf.scene.records import F32, F64, Light
 from usdslf.textures.images import load_light_texture
 
 BIN_ROWS = 1024  # of a picture that is only read filtered: fifteen to a texel of the map for the bins
+ROWS_AT_ONCE = 256  # of a picture that is summed up
+WHITE = (1.0, 1.0, 1.0)
 TABLE_ROWS = 512  # of the pixels that directions are drawn by
 FILTER_TEXELS = 0.8  # side of the solid angle asked for, in texels of the filtered map: see `Dome.radiance`
 
@@ -38,10 +40,10 @@ class Dome:
             pixels: latlong (H, W, 3); None: white, a constant dome.
         """
         self.light = light
-        white = np.ones((1, 1, 3), np.float32)
-        image = white if pixels is None else np.asarray(pixels, np.float32)[..., :3]
-        image = shining(image)
-        self.pixels: F32 = np.ascontiguousarray(image * np.asarray(light.radiance, np.float32), np.float32)
+        image = shining(np.ones((1, 1, 3), np.float32) if pixels is None else np.asarray(pixels, np.float32)[..., :3])
+        if tuple(light.radiance) != WHITE or pixels is None:  # a large picture is not copied for nothing
+            image = image * np.asarray(light.radiance, np.float32)
+        self.pixels: F32 = np.ascontiguousarray(image, np.float32)
         u, _, vt = np.linalg.svd(np.asarray(light.world_from_light, np.float64)[:3, :3])
         self.world_from_light: F64 = u @ vt  # the rotation (or reflection) next to the matrix
         self._filtered: dict[int, F32] = {}
@@ -56,11 +58,16 @@ class Dome:
             light: of kind dome.
             for_bins: of a large picture keep what the bins of a hemisphere can use: `BIN_ROWS` rows or a few more.
 
-        Raises:
-            InputError: the texture cannot be read.
+        Raises: InputError where the texture cannot be read.
         """
-        pixels = load_light_texture(light.texture) if light.texture else None
-        return cls(light, reduced(shining(pixels), BIN_ROWS) if for_bins and pixels is not None else pixels)
+        if not light.texture:
+            return cls(light)
+        pixels = shining(load_light_texture(light.texture))
+        pixels = reduced(pixels, BIN_ROWS) if for_bins else pixels
+        np.multiply(pixels, np.asarray(light.radiance, np.float32), out=pixels)  # nobody else's; it may be large
+        dome = cls(replace(light, radiance=WHITE), pixels)
+        dome.light = light
+        return dome
 
     # ── radiance ─────────────────────────────────────────────────────────────────────────────────
 
@@ -134,10 +141,16 @@ class Dome:
         height, width = self.pixels.shape[:2]
         h, w = min(height, TABLE_ROWS), min(width, 2 * TABLE_ROWS)
         row_edges, column_edges = np.arange(h + 1) * height // h, np.arange(w + 1) * width // w
-        luminance = _mean_of_bilinear(self.pixels @ LUMINANCE.astype(np.float32)).astype(np.float64)
         sines = np.sin(np.pi * (0.5 - np.arange(height + 1) / height))
-        energy = luminance * (sines[:-1] - sines[1:])[:, None]
-        energy = np.add.reduceat(np.add.reduceat(energy, row_edges[:-1], 0), column_edges[:-1], 1)
+        energy = np.empty((h, w))
+        for band in in_blocks(h, max(1, h * ROWS_AT_ONCE // height)):
+            top, bottom = int(row_edges[band.start]), int(row_edges[band.stop])
+            first = max(top - 1, 0)  # with the rows that the outer ones are read with
+            seen = self.pixels[first : min(bottom + 1, height)] @ LUMINANCE.astype(np.float32)
+            luminance = _mean_of_bilinear(seen)[top - first : bottom - first].astype(np.float64)
+            luminance *= (sines[top:bottom] - sines[top + 1 : bottom + 1])[:, None]
+            rows = np.add.reduceat(luminance, row_edges[band.start : band.stop] - top, 0)
+            energy[band.start : band.stop] = np.add.reduceat(rows, column_edges[:-1], 1)
         self._sine_edges = sines[row_edges]
         self._column_edges = column_edges / width
         solid = 2 * np.pi * np.outer(-np.diff(self._sine_edges), np.diff(self._column_edges))
@@ -213,7 +226,7 @@ class Dome:
         over = np.maximum(1 - cut / np.maximum(luminance, 1e-30), 0)[..., None]
         if (luminance * over[..., 0] * solid).sum() <= share * mean * 4 * np.pi:
             return self, None
-        plain = replace(self.light, radiance=(1.0, 1.0, 1.0))
+        plain = replace(self.light, radiance=WHITE)
         cells = np.stack([_mean_of_bilinear(c) for c in np.moveaxis(self.pixels * over, -1, 0)], -1)
         return Dome(plain, self.pixels * (1 - over)), Peaks(cells, sines, self.world_from_light)
 

@@ -194,7 +194,8 @@ def load_latlong(
         raise InputError(f"environment map {path} cannot be read, check the file: {e}") from None
     height, width = values.shape[:2]
     if format in ("automatic", "latlong"):
-        return four_channels(values.reshape(-1, values.shape[2]))[:, :3].reshape(height, width, 3)
+        colors = values[..., :3] if values.shape[2] >= 3 else np.broadcast_to(values[..., :1], (height, width, 3))
+        return np.ascontiguousarray(colors)
     rows = max(2, height // 2)
     st, inside = st_of_format(format, latlong_directions(rows, 2 * rows))
     out = bilinear(Texels(values), st, "clamp", "clamp")[:, :3] * inside[:, None]

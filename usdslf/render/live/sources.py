@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from usdslf.gpu.device import Device
 from usdslf.lights.sampling import is_delta, light_frame, light_picture, shaping_of
 from usdslf.lights.sources import DomeSource, LightSet, LightSource
+from usdslf.progress import in_blocks
 from usdslf.render.gather import MIRRORED_ANGLE
 from usdslf.render.live import records as r
 from usdslf.sampling.low_discrepancy import scrambled_points
@@ -19,6 +20,7 @@ from usdslf.scene.records import F32
 KINDS = {"rect": 0, "disk": 1, "sphere": 2, "cylinder": 3, "distant": 4, "point": 5, "dome": 6, "glowing": 7}
 EACH = 4  # sources up to this number get a ray each; of more, STREAMS are chosen by what they bring
 STREAMS = 2
+PIXELS_AT_ONCE = 1 << 20  # of a picture that are copied to the device
 
 
 @dataclass(frozen=True)
@@ -56,7 +58,7 @@ class SourceTable:
         return SourceTable(
             streams, any(d.is_met_only for d in lights.domes),
             (
-                np.int32(count), np.int32(streams), up(rows), up(join(store.pictures, np.zeros((1, 4), np.float32))),
+                np.int32(count), np.int32(streams), up(rows), _pictures(device, store.pictures),
                 up(join(store.tables, np.zeros(1, np.float32))), up(join(store.drawn, np.zeros((1, 8), np.float32))),
                 np.int32(len(glow.triangle)), up(glow.triangle), up(glow.cumulative.astype(np.float32)),
                 up(glow.pdf_area),
@@ -66,15 +68,28 @@ class SourceTable:
 
 @dataclass
 class _Store:
-    pictures: list[F32]  # (n, 4)
+    pictures: list[F32]  # (n, 3)
     tables: list[F32]
     drawn: list[F32]  # (DRAWN, 8)
 
     def picture(self, pixels: NDArray) -> int:
         """Keeps pixels (n, 3); returns the number of the first."""
         first = sum(len(p) for p in self.pictures)
-        self.pictures.append(np.concatenate([pixels, np.ones((len(pixels), 1))], 1).astype(np.float32))
+        self.pictures.append(np.asarray(pixels, np.float32))
         return first
+
+
+def _pictures(device: Device, pictures: list[F32]) -> Any:
+    """Uploads pixels (n, 3) one after another as rows of four: a large picture is not copied on the host."""
+    out_d = device.empty((max(sum(map(len, pictures)), 1), 4), np.float32)
+    first = 0
+    for pixels in pictures:
+        for rows in in_blocks(len(pixels), PIXELS_AT_ONCE):
+            part = np.ones((rows.stop - rows.start, 4), np.float32)
+            part[:, :3] = pixels[rows]
+            device.put(out_d, first, part)
+            first += len(part)
+    return out_d
 
 
 def _fill_light(row: NDArray, source: LightSource, store: _Store) -> None:
