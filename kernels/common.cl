@@ -10,6 +10,26 @@
 #define PI_F 3.14159265358979f
 #define LUMINANCE ((float3)(0.2126f, 0.7152f, 0.0722f)) /* its weights, as in usdslf/color.py */
 
+/* radiance of elements, as it is stored: floats, or with HALF_LIGHT half as wide ones */
+#ifndef HALF_LIGHT
+#define HALF_LIGHT 0
+#endif
+#if HALF_LIGHT
+typedef half light_t;
+#define load_light(rows, i) vload_half3(i, rows)
+#define load_light16(from) vload_half16(0, from)
+#define store_light(v, rows, i) vstore_half3(v, i, rows)
+#define store_light16(v, to) vstore_half16(v, 0, to)
+#define add_light(v, rows, i) vstore_half(vload_half(i, rows) + (v), i, rows)
+#else
+typedef float light_t;
+#define load_light(rows, i) vload3(i, rows)
+#define load_light16(from) vload16(0, from)
+#define store_light(v, rows, i) vstore3(v, i, rows)
+#define store_light16(v, to) vstore16(v, 0, to)
+#define add_light(v, rows, i) ((rows)[i] += (v))
+#endif
+
 inline float3 load3(__global const float *rows, size_t i) { return vload3(i, rows); }
 inline void store3(float3 v, __global float *rows, size_t i) { vstore3(v, i, rows); }
 

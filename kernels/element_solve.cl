@@ -121,7 +121,7 @@ __kernel void add_share(__global const float16 *ab, __global const float16 *shar
  * target     (blocks, D, 3) float16: result
  */
 __kernel void take_target(__global const int *order, __global const float16 *own, __global const float16 *xy,
-                          __global const float16 *ab, __global const float *emission, __global const float *outgoing,
+                          __global const float16 *ab, __global const float *emission, __global const light_t *outgoing,
                           __global const float *wanted, const uint blocks, __global float *target)
 {
     uint d = get_global_id(0), block = get_global_id(1);
@@ -135,7 +135,7 @@ __kernel void take_target(__global const int *order, __global const float16 *own
         int e = order[block * LANES + lane];
         if (e < 0) continue;
         size_t at = (size_t)e * D_BINS + d;
-        float3 more = load3(wanted, at) - load3(outgoing, at) + load3(emission, e);
+        float3 more = load3(wanted, at) - load_light(outgoing, at) + load3(emission, e);
         __global float *to = target + one * LANES + lane;
         to[0] += more.x; to[LANES] += more.y; to[2 * LANES] += more.z;
     }

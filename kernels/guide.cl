@@ -8,7 +8,7 @@ __kernel void guiding_light(
     const uint count,                 /* N * blocks */
     __global const uint *hit,         /* (N, D) links */
     __global const float *mean,       /* (N, D / BLOCK^2, 3) outgoing, of average_bins */
-    __global const float *fixed,      /* (N, D, 3) light that arrives from lights and domes */
+    __global const light_t *fixed,    /* (N, D, 3) light that arrives from lights and domes */
     __global const float *emitted,    /* (N) luminance */
     __global float *light)            /* (N, blocks, 3) out */
 {
@@ -23,7 +23,7 @@ __kernel void guiding_light(
             float r = max(fabs((float)(d % SIDE) - 0.5f * (SIDE - 1)), fabs((float)(d / SIDE) - 0.5f * (SIDE - 1))) * (2.0f / SIDE);
             float z = 1.0f - r * r; /* of bin_direction(d) */
             uint h = hit[element * D_BINS + d];
-            all += dot(load3(fixed, element * D_BINS + d), LUMINANCE) * z;
+            all += dot(load_light(fixed, element * D_BINS + d), LUMINANCE) * z;
             if (h == ESCAPES) open += z;
             if (!IS_LINK(h)) continue;
             uint bin = BIN_OF(h);

@@ -9,18 +9,21 @@
 
 #define LANES 16
 #define Q_BINS (D_BINS / 4)
+#ifndef STREAMED
+#define STREAMED 0
+#endif
 
 inline int coarse_of_bin(int d) { return (d / SIDE / 2) * (SIDE / 2) + (d % SIDE) / 2; }
 
 /* light arriving at a block's elements: fixed light plus what the elements that they see send back
  * order     (blocks * 16) element of each lane, -1 for none
  * hit       (N, D) packed links
- * fixed     (N, D, 3) light that no edit changes
+ * fixed     (N, D, 3) light that no edit changes; with STREAMED it and hit are of the lanes of these blocks: (blocks * 16, D)
  * outgoing  (N, D, 3)
  * light     (blocks, D, 3) float16: result
  */
-__kernel void gather(__global const int *order, __global const uint *hit, __global const float *fixed,
-                     __global const float *outgoing, const int first_block, __global float *light)
+__kernel void gather(__global const int *order, __global const uint *hit, __global const light_t *fixed,
+                     __global const light_t *outgoing, const int first_block, __global float *light)
 {
     int d = get_global_id(0), block = get_global_id(1);
     if (d >= D_BINS) return;
@@ -29,10 +32,10 @@ __kernel void gather(__global const int *order, __global const uint *hit, __glob
         int e = order[(first_block + block) * LANES + lane];
         float3 v = (float3)(0.0f);
         if (e >= 0) {
-            size_t at = (size_t)e * D_BINS + d;
+            size_t at = (size_t)(STREAMED ? block * LANES + lane : e) * D_BINS + d;
             uint h = hit[at];
-            v = load3(fixed, at);
-            if (IS_LINK(h)) v += load3(outgoing, h);
+            v = load_light(fixed, at);
+            if (IS_LINK(h)) v += load_light(outgoing, h);
         }
         r[lane] = v.x; g[lane] = v.y; b[lane] = v.z;
     }
@@ -72,7 +75,7 @@ __kernel void irradiance(__global const float16 *light, __global const float *co
     e_pi[block * 3 + c] = sum;
 }
 
-inline void add_to(__global float *outgoing, __global const int *order, int at, int d, const float16 *v)
+inline void add_to(__global light_t *outgoing, __global const int *order, int at, int d, const float16 *v)
 {
     float rgb[3][LANES];
     for (int c = 0; c < 3; c++) vstore16(v[c], 0, rgb[c]);
@@ -80,7 +83,7 @@ inline void add_to(__global float *outgoing, __global const int *order, int at, 
         int e = order[at + lane];
         if (e < 0) continue;
         size_t to = ((size_t)e * D_BINS + d) * 3;
-        for (int c = 0; c < 3; c++) outgoing[to + c] += rgb[c][lane];
+        for (int c = 0; c < 3; c++) add_light(rgb[c][lane], outgoing, to + c);
     }
 }
 
@@ -181,7 +184,7 @@ __kernel void reflect_folded(__global const float16 *folded, __global const floa
  */
 __kernel void unfold(__global const float16 *answer, __global const float16 *e_pi, __global const float *y_scale,
                      __global const float2 *lobe_scale, __global const float16 *parameters, __global const int *order,
-                     const int first_block, __global float *outgoing)
+                     const int first_block, __global light_t *outgoing)
 {
     int cell = get_global_id(0), block = get_global_id(1);
     if (cell >= CELLS) return;
@@ -223,7 +226,7 @@ __kernel void unfold(__global const float16 *answer, __global const float16 *e_p
  */
 __kernel void reflect_sharp(__global const float16 *light, __global const int *first, __global const ushort *tap,
                             __global const float *a, __global const float *b, __global const float16 *parameters,
-                            __global const int *order, const int first_block, __global float *outgoing)
+                            __global const int *order, const int first_block, __global light_t *outgoing)
 {
     int d = get_global_id(0), block = get_global_id(1);
     if (d >= D_BINS) return;
@@ -245,37 +248,39 @@ inline float sum_lanes(float16 v)
 /* every bin of an element starts from what it emits
  * emission (N, 3); outgoing (N, D, 3): result; count = N * D
  */
-__kernel void emit(__global const float *emission, const uint count, __global float *outgoing)
+__kernel void emit(__global const float *emission, const uint count, __global light_t *outgoing)
 {
     uint i = get_global_id(0);
     if (i >= count) return;
-    store3(load3(emission, i / D_BINS), outgoing, i);
+    store_light(load3(emission, i / D_BINS), outgoing, i);
 }
 
 /* what elements emit more, or less, in every bin
  * change (N, 3); outgoing (N, D, 3): in and out; count = N * D
  */
-__kernel void emit_more(__global const float *change, const uint count, __global float *outgoing)
+__kernel void emit_more(__global const float *change, const uint count, __global light_t *outgoing)
 {
     uint i = get_global_id(0);
     if (i >= count) return;
-    float3 sum = load3(outgoing, i) + load3(change, i / D_BINS);
-    store3((float3)(sum.x > 0.0f ? sum.x : 0.0f, sum.y > 0.0f ? sum.y : 0.0f, sum.z > 0.0f ? sum.z : 0.0f), outgoing, i);
+    float3 sum = load_light(outgoing, i) + load3(change, i / D_BINS);
+    float3 lit = (float3)(sum.x > 0.0f ? sum.x : 0.0f, sum.y > 0.0f ? sum.y : 0.0f, sum.z > 0.0f ? sum.z : 0.0f);
+    store_light(lit, outgoing, i);
 }
 
 /* how far two light fields are apart, element by element
  * old, now   (N, D, 3)
  * difference (N, 2): sums of |now - old| and of |now|
  */
-__kernel void difference(__global const float *old, __global const float *now, const uint count, __global float *difference)
+__kernel void difference(__global const light_t *old, __global const light_t *now, const uint count,
+                         __global float *difference)
 {
     uint e = get_global_id(0);
     if (e >= count) return;
     size_t at = (size_t)e * D_BINS * 3;
     float16 apart = 0.0f, all = 0.0f;
     for (int k = 0; k < D_BINS * 3; k += LANES) {
-        float16 v = vload16(0, now + at + k);
-        apart += fabs(v - vload16(0, old + at + k));
+        float16 v = load_light16(now + at + k);
+        apart += fabs(v - load_light16(old + at + k));
         all += fabs(v);
     }
     difference[2 * e] = sum_lanes(apart);
@@ -286,12 +291,12 @@ __kernel void difference(__global const float *old, __global const float *now, c
  * outgoing (N, D, 3)
  * sum      (N): result, over bins and channels
  */
-__kernel void sum_of_elements(__global const float *outgoing, const uint count, __global float *sum)
+__kernel void sum_of_elements(__global const light_t *outgoing, const uint count, __global float *sum)
 {
     uint e = get_global_id(0);
     if (e >= count) return;
-    __global const float *of = outgoing + (size_t)e * D_BINS * 3;
+    __global const light_t *of = outgoing + (size_t)e * D_BINS * 3;
     float16 all = 0.0f;
-    for (int k = 0; k < D_BINS * 3; k += 16) all += fabs(vload16(0, of + k));
+    for (int k = 0; k < D_BINS * 3; k += 16) all += fabs(load_light16(of + k));
     sum[e] = sum_lanes(all);
 }

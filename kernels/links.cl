@@ -51,7 +51,7 @@ __kernel void link_rays(const uint count, __global const int *triangle, __global
  * outgoing (N, D, 3)
  * radiance (n, 3): result
  */
-__kernel void follow_links(__global const uint *links, __global const float *weights, __global const float *outgoing,
+__kernel void follow_links(__global const uint *links, __global const float *weights, __global const light_t *outgoing,
                            const uint count, __global float *radiance)
 {
     uint i = get_global_id(0);
@@ -59,7 +59,7 @@ __kernel void follow_links(__global const uint *links, __global const float *wei
     float3 v = (float3)(0.0f);
     for (int k = 0; k < BLEND; k++) {
         uint h = links[i * BLEND + k];
-        if (IS_LINK(h)) v += weights[i * BLEND + k] * load3(outgoing, h);
+        if (IS_LINK(h)) v += weights[i * BLEND + k] * load_light(outgoing, h);
     }
     store3(v, radiance, i);
 }

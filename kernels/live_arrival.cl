@@ -6,7 +6,7 @@
 /* what rays know: the light field, its means over blocks of bins, tables of elements */
 #define FIELD_PARAMETERS                                                                                                          \
     __global const uint *cells, __global const uint *entries, const uint cell_count, __global const uint *near_elements,          \
-        __global const float *position, __global const float *frames, __global const float *outgoing, __global const float *mean, \
+        __global const float *position, __global const float *frames, __global const light_t *outgoing, __global const float *mean, \
         const int has_field, const float usual, const float least_footprint
 #define FIELD cells, entries, cell_count, near_elements, position, frames, outgoing, mean, has_field, usual, least_footprint
 
@@ -59,7 +59,7 @@ inline float3 known_along(SCENE_PARAMETERS, FIELD_PARAMETERS, float3 d, int t, f
         if (!(weight[k] > 0.0f)) continue;
         uint e = near_elements[(size_t)entry * PER_ENTRY + k];
         int bin = quick_bin_of(local_from_world(frames, e, -d));
-        float3 one = pdf < WIDE_PDF ? load3(mean, (size_t)e * BLOCK_COUNT + block_of(bin)) : load3(outgoing, (size_t)e * D_BINS + bin);
+        float3 one = pdf < WIDE_PDF ? load3(mean, (size_t)e * BLOCK_COUNT + block_of(bin)) : load_light(outgoing, (size_t)e * D_BINS + bin);
         sum += weight[k] * one;
         if (weight[k] > 0.02f) brightest = larger(brightest, bright(one));
     }

@@ -8,12 +8,12 @@
  * count    r * D
  * next     (N, D, 3): rows are written
  */
-__kernel void emit_rows(__global const int *rows, __global const float *emission, const uint count, __global float *next)
+__kernel void emit_rows(__global const int *rows, __global const float *emission, const uint count, __global light_t *next)
 {
     uint i = get_global_id(0);
     if (i >= count) return;
     uint e = rows[i / D_BINS];
-    store3(load3(emission, e), next, (size_t)e * D_BINS + i % D_BINS);
+    store_light(load3(emission, e), next, (size_t)e * D_BINS + i % D_BINS);
 }
 
 /* the light field takes new rows, and the rows keep how far they are from the old ones
@@ -21,15 +21,15 @@ __kernel void emit_rows(__global const int *rows, __global const float *emission
  * next      (N, D, 3) new radiance; becomes new - old
  * outgoing  (N, D, 3) old radiance; becomes the new one
  */
-__kernel void take_rows(__global const int *rows, const uint count, __global float *next, __global float *outgoing)
+__kernel void take_rows(__global const int *rows, const uint count, __global light_t *next, __global light_t *outgoing)
 {
     uint i = get_global_id(0);
     if (i >= count) return;
     size_t at = (size_t)rows[i] * D_BINS * 3;
     for (int k = 0; k < D_BINS * 3; k += 16) {
-        float16 now = vload16(0, next + at + k), before = vload16(0, outgoing + at + k);
-        vstore16(now, 0, outgoing + at + k);
-        vstore16(now - before, 0, next + at + k);
+        float16 now = load_light16(next + at + k), before = load_light16(outgoing + at + k);
+        store_light16(now, outgoing + at + k);
+        store_light16(now - before, next + at + k);
     }
 }
 
@@ -40,7 +40,7 @@ __kernel void take_rows(__global const int *rows, const uint count, __global flo
  * cosine    (D) of sum 1
  * arriving  (N): result, the sum over bins and channels
  */
-__kernel void arriving_change(__global const uint *hit, __global const int *is_new, __global const float *change,
+__kernel void arriving_change(__global const uint *hit, __global const int *is_new, __global const light_t *change,
                               __global const float *cosine, const uint count, __global float *arriving)
 {
     uint e = get_global_id(0);
@@ -50,7 +50,7 @@ __kernel void arriving_change(__global const uint *hit, __global const int *is_n
     for (int d = 0; d < D_BINS; d++) {
         uint h = links[d];
         if (!IS_LINK(h) || !is_new[ELEMENT_OF(h)]) continue;
-        float3 v = fabs(load3(change, h));
+        float3 v = fabs(load_light(change, h));
         sum += cosine[d] * (v.x + v.y + v.z);
     }
     arriving[e] = sum;

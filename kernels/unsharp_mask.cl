@@ -58,7 +58,7 @@ __kernel void turn_bins(__global const float *frames, __global const float *dire
  * shown     (D / 16, N, 4, 16): result, <n, w>+ times L, and <n, w>+
  */
 __kernel void show(__global const short *bins, __global const float *frames, __global const float *directions,
-                   const int up, __global const float *emission, __global const float *outgoing,
+                   const int up, __global const float *emission, __global const light_t *outgoing,
                    __global const uint *hit, __global const float *position, const float radius, const int hidden,
                    const uint count, __global float *shown)
 {
@@ -69,7 +69,7 @@ __kernel void show(__global const short *bins, __global const float *frames, __g
     if (bin >= 0 && (hidden || !is_hidden(hit, position, j, bin, radius))) {
         float3 w = load3(directions, s);
         float z = dot(load3(frames, 3 * j + 2), (float3)(w.x, w.y, up * w.z));
-        v = (float4)(z * (load3(outgoing, (size_t)j * D_BINS + bin) - load3(emission, j)), z);
+        v = (float4)(z * (load_light(outgoing, (size_t)j * D_BINS + bin) - load3(emission, j)), z);
     }
     __global float *to = shown + ((size_t)(s / 16) * count + j) * 4 * 16 + s % 16;
     to[0] = v.x; to[16] = v.y; to[32] = v.z; to[48] = v.w;
@@ -122,7 +122,7 @@ __kernel void take_surroundings(__global const int *first, __global const int *o
  * detail    (D / 16, N, 3, 16)
  * wanted    (N, D, 3): result
  */
-__kernel void add_detail(__global const ushort *place, __global const float *emission, __global const float *outgoing,
+__kernel void add_detail(__global const ushort *place, __global const float *emission, __global const light_t *outgoing,
                          const int pass, const uint count, __global const float *detail, const float amount,
                          __global float *wanted)
 {
@@ -132,7 +132,7 @@ __kernel void add_detail(__global const ushort *place, __global const float *emi
     int s = place[at] - D_BINS * pass;
     if (s < 0 || s >= D_BINS) return;
     __global const float *more = detail + ((size_t)(s / 16) * count + i) * 3 * 16 + s % 16;
-    float3 light = load3(outgoing, at) - load3(emission, i);
+    float3 light = load_light(outgoing, at) - load3(emission, i);
     float3 sharp = light + amount * (float3)(more[0], more[16], more[32]);
     store3(max(sharp, light / (1.0f + amount)), wanted, at);
 }
@@ -141,7 +141,7 @@ __kernel void add_detail(__global const ushort *place, __global const float *emi
  * emission  (N, 3); outgoing, wanted (N, D, 3)
  * misfit    (N, 2): result, squares of that and of what is wanted, summed over bins and channels
  */
-__kernel void misfit(__global const float *emission, __global const float *outgoing, __global const float *wanted,
+__kernel void misfit(__global const float *emission, __global const light_t *outgoing, __global const float *wanted,
                      const uint count, __global float *misfit)
 {
     uint i = get_global_id(0);
@@ -149,7 +149,7 @@ __kernel void misfit(__global const float *emission, __global const float *outgo
     float3 e = load3(emission, i);
     float apart = 0.0f, all = 0.0f;
     for (size_t at = (size_t)i * D_BINS; at < (size_t)(i + 1) * D_BINS; at++) {
-        float3 w = load3(wanted, at), off = load3(outgoing, at) - e - w;
+        float3 w = load3(wanted, at), off = load_light(outgoing, at) - e - w;
         apart += dot(off, off);
         all += dot(w, w);
     }

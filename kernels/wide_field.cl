@@ -4,7 +4,7 @@
 
 __kernel void average_bins(
     const uint count,                 /* N * blocks */
-    __global const float *outgoing,   /* (N, D, 3) */
+    __global const light_t *outgoing, /* (N, D, 3) */
     __global float *mean)             /* (N, D / BLOCK^2, 3) out */
 {
     uint i = get_global_id(0);
@@ -14,7 +14,7 @@ __kernel void average_bins(
     float3 sum = (float3)(0.0f);
     for (uint y = 0; y < BLOCK; y++)
         for (uint x = 0; x < BLOCK; x++)
-            sum += load3(outgoing, element * D_BINS + bin_in_block(b, x, y));
+            sum += load_light(outgoing, element * D_BINS + bin_in_block(b, x, y));
     store3(sum / (float)(BLOCK * BLOCK), mean, i);
 }
 

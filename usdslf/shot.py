@@ -26,8 +26,9 @@ from usdslf.errors import InputError, StageError
 from usdslf.gpu.device import Device, open_device
 from usdslf.inference.gathered import Gathered
 from usdslf.inference.pictured import Pictured
-from usdslf.light_field.light_field import LightField, require_memory
+from usdslf.light_field.light_field import LightField
 from usdslf.light_field.static_light import static_light
+from usdslf.light_field.storage import check_memory, storage_within
 from usdslf.light_field.visibility import Visibility, trace_visibility
 from usdslf.lights.defaults import lights_or_default
 from usdslf.lights.missing_dome import MISSING_DOME, with_missing_domes
@@ -46,7 +47,7 @@ from usdslf.usd.preview.preview_material import PreviewMaterials
 from usdslf.usd.preview.preview_material import make_preview as make_preview_materials
 from usdslf.usd.read.read import open_stage, read_scene
 
-QUALITY = ("elements", "bounces", "refine", "model", "missing_dome")  # options of `Shot.open`
+QUALITY = ("elements", "bounces", "refine", "model", "missing_dome", "memory")  # options of `Shot.open`
 MOST_ELEMENTS = (1 << 22) - 1
 Value = TypeVar("Value")
 
@@ -94,6 +95,7 @@ class Shot:
         model: preview_surface | phong.
         device_name: number or name of the OpenCL device.
         missing_dome: what shines for a dome whose texture cannot be read: color | white | ignore.
+        memory: of the light field on the device, at most [GiB]; None: as much as it takes (light_field/storage.py).
         seconds: of the steps that were taken so far, by step.
         warnings: of those steps, sentences, each once.
         lock: held by the thread that makes something.
@@ -114,6 +116,7 @@ class Shot:
     model: str = "preview_surface"
     device_name: str | Device | None = None
     missing_dome: str = MISSING_DOME[0]
+    memory: float | None = None
     seconds: dict[str, float] = field(default_factory=dict, repr=False)
     warnings: list[str] = field(default_factory=list, repr=False)
     lock: Any = field(default_factory=threading.RLock, repr=False)
@@ -130,34 +133,35 @@ class Shot:
         Args:
             stage: path or Usd.Stage.
             frame: time code; None: the first frame of an animated shot.
-            device: OpenCL device, by number or name.
-            ocio: OpenColorIO config.
+            device, ocio: OpenCL device, by number or name; OpenColorIO config.
             make_preview: surfaces without UsdPreviewSurface get one that shows the same, so that they can be edited.
             quality: `elements` that carry the light field (10000), most `bounces` of it (8), levels `refine` of
                 subdivision (1), `model` preview_surface or phong, the paper's, which shows and solves the same inputs
                 otherwise, `missing_dome`: what shines for a dome whose texture cannot be read, its own color, white of
-                radiance 1, or nothing (ignore).
+                radiance 1, or nothing (ignore), `memory` of the light field on the device, at most [GiB].
 
         Raises: StageError where the stage cannot be opened, InputError for a number that cannot be.
         """
-        unknown = sorted(quality.keys() - set(QUALITY))
-        if unknown:
+        if unknown := sorted(quality.keys() - set(QUALITY)):
             raise TypeError(f"there is no option '{unknown[0]}'; choose from {', '.join(QUALITY)}")
         elements, model = quality.get("elements", 10000), quality.get("model", "preview_surface")
         bounces, refine = quality.get("bounces", 8), quality.get("refine", 1)
-        missing_dome = quality.get("missing_dome", MISSING_DOME[0])
+        missing_dome, memory = quality.get("missing_dome", MISSING_DOME[0]), quality.get("memory")
         if not 1 <= elements <= MOST_ELEMENTS:
             raise InputError(f"--elements {elements} is not in 1 .. {MOST_ELEMENTS}")
         if bounces < 1:
             raise InputError(f"--bounces {bounces} is less than 1")
         if missing_dome not in MISSING_DOME:
             raise InputError(f"--missing-dome {missing_dome} is unknown; choose one of {', '.join(MISSING_DOME)}")
+        if memory is not None and not memory > 0:
+            raise InputError(f"--memory {memory:g} is not above 0")
         model_of(model)
         source = open_stage(stage) if isinstance(stage, (str, os.PathLike)) else stage
         made = make_preview_materials(source, ocio) if make_preview else None
         with quiet_usd():
             composed = compose_over(source, made.layer) if made else source
-        return Shot(source, composed, made, frame, ocio, elements, bounces, refine, model, device, missing_dome)
+        asked = elements, bounces, refine, model, device, missing_dome, memory
+        return Shot(source, composed, made, frame, ocio, *asked)
 
     @property
     def path(self) -> str:
@@ -220,7 +224,7 @@ class Shot:
         Raises: MemoryError_ where their light field does not fit the device, StageError where there is no surface.
         """
         scene, tracer, kept = self.scene, self.tracer, self.kept
-        require_memory(self.device, self.element_count)
+        check_memory(self.memory, self.element_count, self.device)
         compute = lambda: sample_elements(scene, tracer, self.element_count, np.random.default_rng(0))  # noqa: E731
         with step("elements", self.seconds):
             return tell_during(lambda: kept.elements(compute) if kept else compute())
@@ -261,17 +265,19 @@ class Shot:
     def light_field(self) -> LightField:
         """The surface light field of the shot as it is; others start from it (`LightField.with_surface`)."""
         fixed, elements, kept = self.fixed_light, self.elements, self.kept
-        links = self.device, elements, self.lookup, self.visibility
+        links, model, bounces = (self.device, elements, self.lookup, self.visibility), self.model, self.bounces
+        storage = storage_within(self.memory, fixed, elements.emission)
+        self.warn(*filter(None, [storage.in_words]))
 
         def make() -> LightField:
-            found = LightField(*links, fixed, self.model)
-            light = lambda: self.device.download(found.settle(self.bounces).outgoing_d)  # noqa: E731
+            found = LightField(*links, fixed, model, storage)
+            light = lambda: found.settle(bounces).radiance()  # noqa: E731
             if self.start:
                 found.start_from(self.start[0])
             if kept:
-                found.set_radiance(kept.radiance(elements, self.model, self.bounces, light))
+                found.set_radiance(kept.radiance(elements, model, bounces, np.dtype(storage.dtype).name, light))
             else:
-                found.settle(self.bounces)
+                found.settle(bounces)
             found.rest()
             return found
 
@@ -330,6 +336,7 @@ class Shot:
         return self.sharing(Shot.open(
             stage, self.frame, self.device, self.ocio, self.made is not None, elements=self.element_count,
             bounces=self.bounces, refine=self.refine, model=self.model, missing_dome=self.missing_dome,
+            memory=self.memory,
         ))  # fmt: skip
 
     def sharing(self, other: Shot) -> Shot:

@@ -85,10 +85,10 @@ class ShotCache:
         return self._kept("light", lambda: {"light": compute()}, *parts)["light"]
 
     def radiance(
-        self, elements: Elements, model: str, bounces: int, compute: Callable[[], NDArray]
+        self, elements: Elements, model: str, bounces: int, stored: str, compute: Callable[[], NDArray]
     ) -> NDArray[np.float32]:
         """Returns the outgoing radiance (N, D, 3) of a light field after its bounces from the dark."""
-        parts = (self._appearance, digest(elements, contents), self._device, model, bounces)
+        parts = (self._appearance, digest(elements, contents), self._device, model, bounces, stored)
         return self._kept("field", lambda: {"radiance": compute()}, *parts)["radiance"]
 
     def _kept(self, kind: str, compute: Callable[[], Arrays], *parts: str | int) -> dict[str, NDArray]:

@@ -122,6 +122,7 @@ def _there(shot: Shot, place: str) -> Shot:
     return Shot.open(
         place, shot.frame, shot.device, shot.ocio, shot.made is not None, elements=shot.element_count,
         bounces=shot.bounces, refine=shot.refine, model=shot.model, missing_dome=shot.missing_dome,
+        memory=shot.memory,
     )  # fmt: skip
 
 

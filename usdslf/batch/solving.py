@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from usdslf.progress import Say
 
 SIZE, SAMPLES = (256, 144), 8  # of the small pictures
-READING = ("device", "ocio", "make_preview", "elements", "bounces", "refine", "model", "missing_dome")
+READING = ("device", "ocio", "make_preview", "elements", "bounces", "refine", "model", "missing_dome", "memory")
 SHOWN = ("path", "material", "inferred", "before", "after", "residual_before", "residual_after", "ambiguous", "range")
 
 

@@ -50,6 +50,7 @@ class Lighting(Reading):
     bounces: int
     make_preview: bool
     model: str
+    memory: float | None  # of the light field on the device, at most [GiB]
 
 
 def reading_options(command: Any) -> Any:
@@ -58,7 +59,7 @@ def reading_options(command: Any) -> Any:
 
 
 def lighting_options(make_preview: str) -> Any:
-    """Adds what `reading_options` adds, --elements, --bounces, --make-preview and --model, as `shot`, a `Lighting`.
+    """Adds those of `reading_options`, --elements, --bounces, --memory, --make-preview and --model, as a `Lighting`.
 
     Args:
         make_preview: what --make-preview does for this sub-command, in words.
@@ -71,6 +72,11 @@ def lighting_options(make_preview: str) -> Any:
             help="How surfaces reflect: as UsdPreviewSurface, or the Phong of the paper, to be compared with it.",
         )(command)  # fmt: skip
         command = click.option("--make-preview", is_flag=True, help=make_preview)(command)
+        command = click.option(
+            "--memory", type=float, metavar="GIB", callback=_finite,
+            help="Of the device, for the light field: where it is less than usual, .04 a thousand elements, light is "
+            "stored in half floats if that changes it by less than .1 %, then streamed.  Default: as much as it takes.",
+        )(command)  # fmt: skip
         command = click.option(
             "--bounces", type=int, default=8, show_default=True, help="Most bounces of light."
         )(command)  # fmt: skip

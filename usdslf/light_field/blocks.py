@@ -22,13 +22,33 @@ LANES = 16
 
 
 @dataclass(frozen=True)
+class Chunk:
+    """Some blocks, `count` from the one of number `first` on.
+
+    Attributes:
+        order: (count * 16) elements, -1 for none.
+        order_d: on the device, of all blocks.
+    """
+
+    order: NDArray[np.int32]
+    order_d: Any
+    first: int
+    count: int
+
+
+@dataclass(frozen=True)
 class Blocks:
-    """Blocks of one level: `order_d` (blocks * 16) elements, -1 for none, `parameters_d` (blocks, 12, 16)."""
+    """Blocks of one level: `order` (blocks * 16) elements, -1 for none, `parameters_d` (blocks, 12, 16)."""
 
     level: int
     count: int
+    order: NDArray[np.int32]
     order_d: Any
     parameters_d: Any
+
+    def of_chunk(self, first: int, count: int) -> Chunk:
+        """Returns some of the blocks."""
+        return Chunk(self.order[first * LANES : (first + count) * LANES], self.order_d, first, count)
 
 
 def blocks_of_surface(device: Device, s: Surface, model: str, rows: NDArray) -> list[Blocks]:
@@ -68,7 +88,7 @@ def blocks_of_weights(device: Device, element: NDArray, level: NDArray, paramete
             p = np.zeros((count * LANES, 12), np.float32)
             p[: len(part)] = parameter[part]
             p = np.ascontiguousarray(p.reshape(count, LANES, 12).transpose(0, 2, 1))
-            blocks.append(Blocks(int(j), count, device.upload(order), device.upload(p)))
+            blocks.append(Blocks(int(j), count, order, device.upload(order), device.upload(p)))
     return blocks
 
 

@@ -20,10 +20,12 @@ from numpy.typing import NDArray
 
 from usdslf.elements.elements import Elements
 from usdslf.elements.lookup import DeviceLookup, ElementLookup
-from usdslf.gpu.device import Device
-from usdslf.light_field.blocks import LANES, Blocks, blocks_of_surface, blocks_of_weights, levels_of
+from usdslf.gpu.device import Device, Kernel
+from usdslf.light_field.blocks import LANES, Blocks, Chunk, blocks_of_surface, blocks_of_weights, levels_of
+from usdslf.light_field.incoming import Incoming
 from usdslf.light_field.links import follow_links, link_rays
 from usdslf.light_field.preconvolution import LevelKernel, build_level, fresnel_diffuse
+from usdslf.light_field.storage import USUAL, Storage, constants_of, require_device
 from usdslf.light_field.surface import CHANGED, Surface, changed_rows
 from usdslf.light_field.symmetry import QUARTER, blocks_of
 from usdslf.light_field.visibility import Visibility
@@ -48,9 +50,9 @@ class _Scratch:
     difference_d: Any  # (N, 2)
 
     @staticmethod
-    def of(device: Device, n: int) -> _Scratch:
+    def of(device: Device, n: int, storage: Storage) -> _Scratch:
         return _Scratch(
-            device.empty((n, D, 3), np.float32),
+            device.empty((n, D, 3), storage.dtype),
             device.empty((CHUNK_BLOCKS, D, 3, LANES), np.float32),
             device.empty((CHUNK_BLOCKS, D // 4, 3, LANES), np.float32),
             device.empty((CHUNK_BLOCKS, D // 4, 3, LANES), np.float32),
@@ -71,6 +73,7 @@ class LightField:
         visibility: Visibility,
         fixed: NDArray,
         model: str = "preview_surface",
+        storage: Storage = USUAL,
     ) -> None:
         """Uploads what stays: links, fixed light (N, D, 3), frames.
 
@@ -78,11 +81,11 @@ class LightField:
         """
         n = len(elements.position)
         self.device, self.elements, self.lookup, self.model = device, elements, lookup, model
-        require_memory(device, n)
-        self.hit_d = device.upload(np.ascontiguousarray(visibility.hit, np.uint32))
-        self.fixed_d = device.upload(np.ascontiguousarray(fixed, np.float32))
+        require_device(device, n, storage)
+        self.storage = storage
+        self.incoming = Incoming(device, visibility.hit, fixed, storage)
         self.frames_d = device.upload(np.ascontiguousarray(elements.frame, np.float32))
-        self.outgoing_d = device.zeros((n, D, 3), np.float32)
+        self.outgoing_d = device.zeros((n, D, 3), storage.dtype)
         self._scratch_d: _Scratch | None = None
         z = bin_directions()[:, 2]
         self.cosine_d = device.upload((z / z.sum()).astype(np.float32))
@@ -113,24 +116,49 @@ class LightField:
         other = self.with_surface(replace(self.surface, emission=emission))
         n = len(self.elements)
         change_d = self.device.upload(np.asarray(emission - self.surface.emission, np.float32))
-        self.device.kernel("light_field", "emit_more", LOBE=0)(
+        self._kernel("emit_more")(
             (_up(n * D),), (64,), change_d, np.uint32(n * D), other.outgoing_d
         )
         return other
 
     def set_radiance(self, radiance: NDArray) -> None:
         """Takes an outgoing radiance (N, D, 3) that was found before, where it is another than that of now."""
-        self.outgoing_d = self.device.upload(np.ascontiguousarray(radiance, np.float32))
+        self.outgoing_d = self.device.upload(np.ascontiguousarray(radiance, self.storage.dtype))
         self.waits[:] = 0
+
+    def radiance(self) -> NDArray[np.float32]:
+        """Returns the outgoing radiance (N, D, 3) of now."""
+        return self.device.download(self.outgoing_d).astype(np.float32, copy=False)
 
     def rest(self) -> None:
         """Gives memory back that only bounces need."""
         self._scratch_d = None
 
+    def gather(self, chunk: Chunk, light_d: Any) -> None:
+        """Gathers the light that arrives now at the elements of a chunk of blocks: (blocks, D, 3, LANES)."""
+        hit_d, fixed_d, is_streamed = self.incoming.of_chunk(chunk)
+        kernel = self._kernel("gather", **({"STREAMED": 1} if is_streamed else {}))
+        kernel(
+            (D, chunk.count), (64, 1), chunk.order_d, hit_d, fixed_d, self.outgoing_d, np.int32(chunk.first), light_d
+        )
+
+    @property
+    def hit_d(self) -> Any:
+        """Links (N, D) on the device; streamed ones as long as they are held."""
+        return self.incoming.hit_d
+
+    @property
+    def fixed_d(self) -> Any:
+        """Light (N, D, 3) that no edit changes, on the device; streamed as long as it is held."""
+        return self.incoming.fixed_d
+
+    def _kernel(self, name: str, lobe: int = 0, **constants: int) -> Kernel:
+        return self.device.kernel("light_field", name, LOBE=lobe, **constants_of(self.outgoing_d), **constants)
+
     @property
     def _scratch(self) -> _Scratch:
         if self._scratch_d is None:
-            self._scratch_d = _Scratch.of(self.device, len(self.elements))
+            self._scratch_d = _Scratch.of(self.device, len(self.elements), self.storage)
         return self._scratch_d
 
     @property
@@ -162,12 +190,11 @@ class LightField:
     def bounce(self) -> float:
         """Sends the light once more; returns the relative change of the light field (L1)."""
         device, n, scratch = self.device, len(self.elements.position), self._scratch
-        kernel = lambda name, **c: device.kernel("light_field", name, **c)  # noqa: E731
-        kernel("emit", LOBE=0)((_up(n * D),), (64,), self.emission_d, np.uint32(n * D), scratch.next_d)
+        self._kernel("emit")((_up(n * D),), (64,), self.emission_d, np.uint32(n * D), scratch.next_d)
         if self._blocks is None:
             self._blocks = blocks_of_surface(device, self.surface, self.model, np.arange(n))
         self.reflect(self._blocks)
-        kernel("difference", LOBE=0)(
+        self._kernel("difference")(
             (_up(n),), (64,), self.outgoing_d, scratch.next_d, np.uint32(n), scratch.difference_d
         )
         self.outgoing_d, scratch.next_d = scratch.next_d, self.outgoing_d
@@ -196,30 +223,27 @@ class LightField:
 
     def reflect(self, chosen: list[Blocks]) -> None:
         """Adds to `next_d` what blocks send out, under the light that arrives now."""
-        device, scratch = self.device, self._scratch
-        kernel = lambda name, **c: device.kernel("light_field", name, **c)  # noqa: E731
+        device, scratch, kernel = self.device, self._scratch, self._kernel
         launched = 0
         for blocks in chosen:
             level, w = self.level(blocks.level)
             for first in range(0, blocks.count, CHUNK_BLOCKS):
                 count, at = min(CHUNK_BLOCKS, blocks.count - first), np.int32(first)
-                kernel("gather", LOBE=0)(
-                    (D, count), (64, 1), blocks.order_d, self.hit_d, self.fixed_d, self.outgoing_d, at, scratch.light_d
-                )
-                kernel("coarsen", LOBE=0)((D // 4, count), (64, 1), scratch.light_d, scratch.coarse_d)
-                kernel("irradiance", LOBE=0)((3, count), None, scratch.light_d, self.cosine_d, scratch.e_pi_d)
-                kernel("fold", LOBE=0)((QUARTER, count), (64, 1), scratch.coarse_d, scratch.folded_d)
+                self.gather(blocks.of_chunk(first, count), scratch.light_d)
+                kernel("coarsen")((D // 4, count), (64, 1), scratch.light_d, scratch.coarse_d)
+                kernel("irradiance")((3, count), None, scratch.light_d, self.cosine_d, scratch.e_pi_d)
+                kernel("fold")((QUARTER, count), (64, 1), scratch.coarse_d, scratch.folded_d)
                 rough, fold_y = int(level.coarse), self.folded_y_d
-                kernel("reflect_folded", LOBE=rough)(
+                kernel("reflect_folded", rough)(
                     (D // 4, count), (64, 1), scratch.folded_d, fold_y, w.get("folded_a", fold_y),
                     w.get("folded_b", fold_y), scratch.answer_d,
                 )  # fmt: skip
-                kernel("unfold", LOBE=rough)(
+                kernel("unfold", rough)(
                     (QUARTER, count), (64, 1), scratch.answer_d, scratch.e_pi_d, self.y_scale_d,
                     w.get("fine_scale", self.y_scale_d), blocks.parameters_d, blocks.order_d, at, scratch.next_d,
                 )  # fmt: skip
                 if not level.coarse:
-                    kernel("reflect_sharp", LOBE=0)(
+                    kernel("reflect_sharp")(
                         (D, count), (64, 1), scratch.light_d, w["first"], w["tap"], w["a"], w["b"],
                         blocks.parameters_d, blocks.order_d, at, scratch.next_d,
                     )  # fmt: skip
@@ -247,8 +271,7 @@ class LightField:
         """Light that each element (N,) sent when this was asked first: what tolerances are of; others start with it."""
         device, n = self.device, len(self.elements)
         sum_d = device.empty((n,), np.float32)
-        kernel = device.kernel("light_field", "sum_of_elements", LOBE=0)
-        kernel((_up(n),), (64,), self.outgoing_d, np.uint32(n), sum_d)
+        self._kernel("sum_of_elements")((_up(n),), (64,), self.outgoing_d, np.uint32(n), sum_d)
         return device.download(sum_d).astype(np.float64)
 
     def start_from(self, other: LightField) -> None:
@@ -258,7 +281,10 @@ class LightField:
         """
         n = min(len(self.elements), len(other.elements))
         self.device.clear(self.outgoing_d)
-        self.outgoing_d[:n] = other.outgoing_d[:n]
+        if other.storage.dtype == self.storage.dtype:
+            self.outgoing_d[:n] = other.outgoing_d[:n]
+        else:
+            self.outgoing_d[:n] = self.device.upload(other.radiance()[:n].astype(self.storage.dtype))
         self.waits[:] = CHANGED
 
     def incident(self, element: NDArray) -> NDArray[np.float32]:
@@ -267,10 +293,7 @@ class LightField:
         order = np.full(count * LANES, -1, np.int32)
         order[: len(element)] = element
         light_d = self.device.empty((count, D, 3, LANES), np.float32)
-        self.device.kernel("light_field", "gather", LOBE=0)(
-            (D, count), (64, 1), self.device.upload(order), self.hit_d, self.fixed_d, self.outgoing_d, np.int32(0),
-            light_d,
-        )  # fmt: skip
+        self.gather(Chunk(order, self.device.upload(order), 0, count), light_d)
         light = self.device.download(light_d).transpose(0, 3, 1, 2).reshape(-1, D, 3)
         return np.ascontiguousarray(light[: len(element)])
 
@@ -303,12 +326,6 @@ class LightField:
         if len(triangle) == 0:
             return np.zeros((0, 3), np.float32)
         return self.follow_links(*self.link_hits(triangle, barycentric, direction))
-
-
-def require_memory(device: Device, elements: int) -> None:
-    """Raises MemoryError_ where the light field of so many elements does not fit a device."""
-    field = elements * D * 3 * 4
-    device.require(3 * field + elements * D * 4, f"{elements} elements", field)
 
 
 def _up(n: int) -> int:

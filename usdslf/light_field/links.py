@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from usdslf.elements.lookup import BLEND, DeviceLookup
 from usdslf.gpu.device import Device
+from usdslf.light_field.storage import constants_of
 from usdslf.sampling.hemisphere import D
 
 ESCAPES = np.uint32(0xFFFFFFFF)
@@ -64,6 +65,6 @@ def follow_links(device: Device, links_d: Any, weights_d: Any, sender_d: Any) ->
     """Returns the radiance (n, 3) that links carry from a field (N, D, 3) on the device; 0 where they name nothing."""
     n = links_d.shape[0]
     radiance_d = device.empty((n, 3), np.float32)
-    kernel = device.kernel("links", "follow_links")
+    kernel = device.kernel("links", "follow_links", **constants_of(sender_d))
     kernel((-(-n // GROUP) * GROUP,), (GROUP,), links_d, weights_d, sender_d, np.uint32(n), radiance_d)
     return device.download(radiance_d)

@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 from usdslf.light_field.blocks import blocks_of_surface
 from usdslf.light_field.light_field import LightField
 from usdslf.light_field.links import element_of, is_link
+from usdslf.light_field.storage import constants_of
 from usdslf.light_field.surface import CHANGED, albedo
 from usdslf.progress import tell
 from usdslf.sampling.hemisphere import D
@@ -108,7 +109,7 @@ def _due(waits: NDArray, allowed: float) -> NDArray[np.int64]:
 def _reflect_anew(field: LightField, rows: NDArray) -> None:
     """Lets some elements reflect the light of now, and adds what arrives of the change to what waits elsewhere."""
     device, n, count = field.device, len(field.elements), len(rows)
-    kernel = lambda name: device.kernel("renewal", name)  # noqa: E731
+    kernel = lambda name: device.kernel("renewal", name, **constants_of(field.outgoing_d))  # noqa: E731
     rows_d, next_d = device.upload(rows.astype(np.int32)), field.next_d
     kernel("emit_rows")((_up(count * D),), (GROUP,), rows_d, field.emission_d, np.uint32(count * D), next_d)
     field.reflect(blocks_of_surface(device, field.surface, field.model, rows))

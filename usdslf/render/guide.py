@@ -18,6 +18,7 @@ from scipy.spatial import cKDTree
 from usdslf.color import luminance
 from usdslf.elements.neighbours import NONE
 from usdslf.gpu.device import Device
+from usdslf.light_field.storage import constants_of
 from usdslf.lights.sources import LightSet
 from usdslf.render.wide_field import BLOCK
 from usdslf.sampling.blue_noise import surface_coordinates
@@ -38,11 +39,14 @@ ABOUT = 6  # elements that say how bright it is about each
 class GuidingField(Protocol):
     """What is needed of a light field."""
 
-    hit_d: Any
-    fixed_d: Any
     surface: Any
     lookup: Any
     elements: Any
+
+    @property
+    def hit_d(self) -> Any: ...
+    @property
+    def fixed_d(self) -> Any: ...
 
 
 class LightGuide:
@@ -62,10 +66,10 @@ class LightGuide:
             return
         n = mean_d.shape[0]
         light_d = device.empty((n, BLOCKS, 3), np.float32)
-        emitted_d = device.upload(luminance(field.surface.emission))
-        kernel = device.kernel("guide", "guiding_light", BLOCK=BLOCK)
+        fixed_d, emitted_d = field.fixed_d, device.upload(luminance(field.surface.emission))
+        kernel = device.kernel("guide", "guiding_light", BLOCK=BLOCK, **constants_of(fixed_d))
         size = -(-n * BLOCKS // GROUP) * GROUP
-        kernel((size,), (GROUP,), np.uint32(n * BLOCKS), field.hit_d, mean_d, field.fixed_d, emitted_d, light_d)
+        kernel((size,), (GROUP,), np.uint32(n * BLOCKS), field.hit_d, mean_d, fixed_d, emitted_d, light_d)
         arrives, escapes, total = np.moveaxis(device.download(light_d), 2, 0)
         # mean luminance, weighted by the cosine, of all light at each element (N,), no less than about it
         arriving = (total.sum(1) / bin_directions()[:, 2].sum()).astype(np.float32)

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from usdslf.gpu.device import Device
 from usdslf.light_field.links import link_rays
+from usdslf.light_field.storage import constants_of
 from usdslf.sampling.hemisphere import D
 
 BLOCK = 4  # bins on a side
@@ -34,7 +35,7 @@ class WideField:
         n = field.outgoing_d.shape[0]  # mean_d: (N, blocks, 3)
         blocks = D // BLOCK**2
         self.mean_d = device.empty((n, blocks, 3), np.float32)
-        kernel = device.kernel("wide_field", "average_bins", BLOCK=BLOCK)
+        kernel = device.kernel("wide_field", "average_bins", BLOCK=BLOCK, **constants_of(field.outgoing_d))
         kernel((_up(n * blocks),), (GROUP,), np.uint32(n * blocks), field.outgoing_d, self.mean_d)
 
     def radiance_from_hits(

@@ -27,9 +27,10 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from usdslf.light_field.blocks import LANES, levels_of
+from usdslf.light_field.blocks import LANES, Chunk, levels_of
 from usdslf.light_field.light_field import LightField
 from usdslf.light_field.preconvolution import LevelKernel
+from usdslf.light_field.storage import constants_of
 from usdslf.progress import tell
 from usdslf.sampling.hemisphere import D
 from usdslf.scene.records import F64
@@ -176,6 +177,7 @@ class _Work:
 
     def run(self, name: str, size: tuple[int, ...], *args: Any) -> None:
         constants = {**model_of(self.field.model).constants, "LEAST": int(self.least)}
+        constants |= constants_of(self.field.outgoing_d)
         local = GROUPS.get(name, (64, 1))  # small ones, for few blocks are to keep all processors busy
         self.device.kernel("element_solve", name, **constants)(size, local, *args)
 
@@ -187,9 +189,7 @@ class _Work:
         order[:n] = element
         order_d, upload = self.device.upload(order), self.device.upload
         light_kernel = lambda name: self.device.kernel("light_field", name, LOBE=0)  # noqa: E731
-        light_kernel("gather")(
-            (D, count), (64, 1), order_d, field.hit_d, field.fixed_d, field.outgoing_d, np.int32(0), self.light_d
-        )
+        field.gather(Chunk(order, order_d, 0, count), self.light_d)
         light_kernel("coarsen")((D // 4, count), (64, 1), self.light_d, self.coarse_d)
         light_kernel("irradiance")((3, count), None, self.light_d, field.cosine_d, self.e_pi_d)
         light = (self.coarse_d, self.e_pi_d, field.y_d, field.y_scale_d)

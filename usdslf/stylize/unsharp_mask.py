@@ -27,6 +27,7 @@ from usdslf.edits.edits import FREED
 from usdslf.elements.elements import Elements
 from usdslf.errors import AuthorError, InputError
 from usdslf.light_field.light_field import LightField
+from usdslf.light_field.storage import constants_of
 from usdslf.light_field.surface import Surface
 from usdslf.progress import tell
 from usdslf.sampling.blue_noise import surface_coordinates
@@ -165,7 +166,8 @@ def mask_light(field: LightField, near: Surroundings, amount: float) -> Any:
     place_d, bins_d = device.empty((n, D), np.uint16), device.empty((n, D), np.int16)
     position_d = device.upload(np.ascontiguousarray(field.elements.position, np.float32))
     directions_d = device.upload(bin_directions().astype(np.float32))
-    kernel = lambda name, *a: device.kernel("unsharp_mask", name)((D, n), (64, 1), *a)  # noqa: E731
+    stored = constants_of(field.outgoing_d)
+    kernel = lambda name, *a: device.kernel("unsharp_mask", name, **stored)((D, n), (64, 1), *a)  # noqa: E731
     light, links = (field.emission_d, field.outgoing_d), (field.hit_d, position_d, np.float32(near.radius))
     count = np.uint32(n)
     kernel("place_bins", field.frames_d, directions_d, *links, count, place_d)
@@ -177,7 +179,7 @@ def mask_light(field: LightField, near: Surroundings, amount: float) -> Any:
             device.clear(asked_d)
             kernel("ask", place_d, number, count, asked_d)
             kernel("show", bins_d, *half, *light, *links, np.int32(hidden), count, shown_d)
-            device.kernel("unsharp_mask", "take_surroundings")(
+            device.kernel("unsharp_mask", "take_surroundings", **stored)(
                 (up64, groups), (64, 1), first_d, other_d, weight_d, shown_d, asked_d, count, detail_d
             )
             kernel("add_detail", place_d, *light, number, count, detail_d, np.float32(amount), wanted_d)
@@ -308,7 +310,7 @@ def take_misfit(field: LightField, wanted_d: Any) -> F64:
     device, n = field.device, len(field.elements)
     misfit_d = device.empty((n, 2), np.float32)
     size = -(-n // 64) * 64
-    device.kernel("unsharp_mask", "misfit")(
+    device.kernel("unsharp_mask", "misfit", **constants_of(field.outgoing_d))(
         (size,), (64,), field.emission_d, field.outgoing_d, wanted_d, np.uint32(n), misfit_d
     )
     return np.asarray(device.download(misfit_d), np.float64)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import Any
@@ -14,6 +14,7 @@ from usdslf.elements.lookup import DeviceLookup
 from usdslf.gpu.device import Device, Kernel
 from usdslf.gpu.shared import Shared
 from usdslf.light_field.light_field import LightField
+from usdslf.light_field.storage import constants_of
 from usdslf.lights.sources import LightSet
 from usdslf.rays import RayTracer
 from usdslf.render.gather import FOOTPRINT
@@ -50,6 +51,7 @@ class Geometry:
     material_d: Any  # (T,)
     extent_d: Any  # (T,)
     tables: DeviceLookup
+    stored: Mapping[str, int]  # build constants that say how the light field's radiance is stored
 
     @staticmethod
     def of(
@@ -62,6 +64,7 @@ class Geometry:
             field.model if field else "preview_surface",
             up(np.asarray(t.normals, np.float32)), up(np.asarray(t.material, np.int32)),
             up(np.asarray(tracer.extent, np.float32)), field.lookup_d if field else no_lookup(device, scene),
+            constants_of(field.outgoing_d) if field else {},
         )  # fmt: skip
 
     def under(self, materials: Sequence[Material]) -> Geometry:
@@ -73,7 +76,7 @@ class Geometry:
 
     def kernel(self, stem: str, name: str) -> Kernel:
         """Returns a kernel of the live picture, built for its model."""
-        constants = {**r.CONSTANTS, **model_of(self.model).constants}
+        constants = {**r.CONSTANTS, **model_of(self.model).constants, **self.stored}
         return self.device.kernel(stem, name, **constants)
 
 
@@ -117,13 +120,16 @@ class SentLight:
         wide = WideField(device, field)
         guide = LightGuide(device, field, wide.mean_d, geometry.lights)
         soft_d = device.empty((n, 3), np.float32)
-        device.kernel("live_field", "soft_irradiance")(
+        device.kernel("live_field", "soft_irradiance", **constants_of(field.outgoing_d))(
             groups(n), (GROUP,), np.uint32(n), field.hit_d, field.outgoing_d, field.emission_d, field.cosine_d, soft_d
         )
         mean = device.download(wide.mean_d).mean((0, 1)) @ np.array([0.2126, 0.7152, 0.0722])
         area = float(geometry.scene.triangles.areas.sum()) / n
+        outgoing_d = field.outgoing_d
+        if constants_of(outgoing_d) != geometry.stored:  # a light field of an edit that is stored in another way
+            outgoing_d = device.upload(field.radiance().astype(np.float16 if geometry.stored else np.float32))
         return SentLight(
-            field, field.outgoing_d, wide.mean_d, device.upload(guide.arriving), guide.cumulative_d, soft_d,
+            field, outgoing_d, wide.mean_d, device.upload(guide.arriving), guide.cumulative_d, soft_d,
             float(mean), FOOTPRINT * area if footprint is None else footprint,
         )  # fmt: skip
 
