@@ -94,7 +94,7 @@ def measure(device: str | None, ocio: str | None, elements: int, say: Say) -> di
         "directions": D,
         "rows": rows,
         "total_seconds": total,
-        "memory_bytes": _peak_memory(),
+        "memory_bytes": peak_memory(),
     }
 
 
@@ -207,7 +207,8 @@ def _best(work: Callable[[], object], repeats: int = REPEATS) -> float:
     return min(found)
 
 
-def _peak_memory() -> int:
+def peak_memory() -> int:
+    """Returns the most memory that this process had so far [bytes]."""
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     return peak if sys.platform == "darwin" else peak * 1024
 
