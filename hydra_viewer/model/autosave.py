@@ -48,12 +48,18 @@ def recovered(files: Files) -> Recovered | None:
 
 
 class Autosave:
-    """Keeps the strokes of a document on the disk."""
+    """Keeps the strokes of a document on the disk.
+
+    Attributes:
+        is_held: nothing is written for now: the shot is read anew.
+        is_writing: the shot is read to write what was wanted before.
+    """
 
     def __init__(self, document: Document) -> None:
         self._document = document
         self._wanted: tuple[Shot, Files, Strokes] | None = None
         self._is_working, self._is_paused, self._is_stopped = False, True, False
+        self.is_held = self.is_writing = False
         self._thread: threading.Thread | None = None
         self._condition = threading.Condition()
         document.strokes_changed.connect(self._keep)
@@ -64,6 +70,12 @@ class Autosave:
         if self._thread is None:  # not at the first stroke: a thread takes its time to start
             self._thread = threading.Thread(target=self._work, name="viewer-autosave", daemon=True)
             self._thread.start()
+
+    def hold(self, is_held: bool) -> None:
+        """Writes nothing for now, or what is wanted since."""
+        with self._condition:
+            self.is_held = is_held
+            self._condition.notify_all()
 
     def stop(self) -> None:
         """Keeps none any more, once all that was asked for is on the disk."""
@@ -86,6 +98,7 @@ class Autosave:
 
     def flush(self) -> None:
         """Waits until all that was asked for is on the disk."""
+        self.hold(False)
         with self._condition:
             self._condition.wait_for(lambda: not self._is_working, timeout=10)
 
@@ -101,8 +114,10 @@ class Autosave:
     def _work(self) -> None:
         while True:
             with self._condition:
-                self._condition.wait_for(lambda: self._wanted is not None or self._is_stopped)
+                is_due = lambda: self._is_stopped or (self._wanted is not None and not self.is_held)  # noqa: E731
+                self._condition.wait_for(is_due)
                 wanted, self._wanted = self._wanted, None
+                self.is_writing = wanted is not None
             if wanted is None:
                 return
             shot, files, strokes = wanted
@@ -111,5 +126,5 @@ class Autosave:
                 path.parent.mkdir(parents=True, exist_ok=True)
                 write_strokes(path, strokes, shot.source)
             with self._condition:
-                self._is_working = self._wanted is not None
+                self._is_working, self.is_writing = self._wanted is not None, False
                 self._condition.notify_all()

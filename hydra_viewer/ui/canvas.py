@@ -18,6 +18,7 @@ from PySide6.QtGui import (
     QColor,
     QContextMenuEvent,
     QEnterEvent,
+    QFocusEvent,
     QKeyEvent,
     QMouseEvent,
     QResizeEvent,
@@ -47,6 +48,7 @@ ALT, CTRL, SHIFT = (
     Qt.KeyboardModifier.ControlModifier,
     Qt.KeyboardModifier.ShiftModifier,
 )
+BY_KEYS = (Qt.FocusReason.TabFocusReason, Qt.FocusReason.BacktabFocusReason, Qt.FocusReason.ShortcutFocusReason)
 WHEEL = 0.15  # doublings of the distance a notch
 
 
@@ -57,12 +59,15 @@ class Canvas(QWidget):
         failed: Signal(str): a sentence for the error bar.
         noted: Signal(str): a sentence on what is shown.
         progress: Signal(float): of the picture, 0..1.
+        letting_go: Signal(): the stage is to be read anew, nobody may read it any more.
         kind: of the viewport.
+        beside: further viewports that may be reading the stage.
     """
 
     failed = Signal(str)
     noted = Signal(str)
     progress = Signal(float)
+    letting_go = Signal()
 
     def __init__(
         self, document: Document, easel: Easel, worker: Worker, kind: ViewportKind, parent: QWidget | None = None
@@ -74,6 +79,7 @@ class Canvas(QWidget):
         self._is_resizing_key_down = False
         self._is_held = self._has_let_go = False
         self._instead: Shown | None = None
+        self.beside: list[Viewport] = []
         self.setMinimumSize(320, 180)
         self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
         self.setMouseTracking(True)
@@ -103,15 +109,19 @@ class Canvas(QWidget):
 
     def use_viewport(self, kind: ViewportKind) -> None:
         """Shows the picture by another viewport; camera, display and shot stay."""
-        before = self.viewport
-        before.widget.hide()
-        before.stop()
-        before.widget.deleteLater()
+        self.end(self.viewport)
         self.viewport = self._made(kind)
         self.viewport.set_display(self.easel.display)
         self.viewport.hold(self._is_held)
         self._show_shot()
         self._show_view()
+
+    def end(self, viewport: Viewport) -> None:
+        """Ends a viewport; it may read the stage until the picture that it makes is there."""
+        self.beside = [v for v in self.beside if v.holds_stage and v is not viewport] + [viewport]
+        viewport.widget.hide()
+        viewport.stop()
+        viewport.widget.deleteLater()
 
     def stop(self) -> None:
         """Ends the viewport's threads."""
@@ -121,11 +131,12 @@ class Canvas(QWidget):
         """Leaves the processor to other work; see `Viewport.hold`."""
         self._is_held = is_held
         if self._has_let_go and not is_held:
+            self._has_let_go = False
             self._show_shot()
         self.viewport.hold(is_held)
 
     def _on_shot_changed(self) -> None:
-        self._shows = self._instead = None
+        self._shows, self._instead, self._has_let_go = None, None, False
         self._show_shot()
 
     def show_instead(self, shown: Shown | None) -> None:
@@ -135,7 +146,8 @@ class Canvas(QWidget):
             self._show_shot()
 
     def _show_shot(self) -> None:
-        self._has_let_go = False
+        if self._has_let_go:
+            return
         shot, found = self.document.shot, self.document.found
         if shot is None:
             self.viewport.show_shot(None)
@@ -149,14 +161,15 @@ class Canvas(QWidget):
         self.overlay.update()
 
     def let_go(self) -> Callable[[], bool]:
-        """Lets the viewport give back the stage until a shot is shown, or all work is done.
+        """Lets all viewports give back the stage until another shot is shown, or all work is done.
 
         Returns: a function that says whether the stage may still be read.
         """
-        viewport = self.viewport
+        self.letting_go.emit()
         self._has_let_go = True
-        viewport.let_go()
-        return lambda: viewport.holds_stage
+        self.viewport.let_go()
+        reading = [self.viewport, *self.beside]
+        return lambda: any(v.holds_stage for v in reading)
 
     def _show_view(self) -> None:
         if self.easel.view is not None:
@@ -315,6 +328,13 @@ class Canvas(QWidget):
 
     def leaveEvent(self, event: QEvent) -> None:
         self.overlay.point_at(None)
+
+    def focusInEvent(self, event: QFocusEvent) -> None:
+        self.overlay.set_focus_ring(event.reason() in BY_KEYS)
+
+    def focusOutEvent(self, event: QFocusEvent) -> None:
+        self.overlay.set_focus_ring(False)
+        self._is_resizing_key_down = False
 
     def keyPressEvent(self, event: QKeyEvent) -> None:
         if event.key() == Qt.Key.Key_Escape and self._gesture is not None:

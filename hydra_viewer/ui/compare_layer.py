@@ -109,6 +109,7 @@ class CompareLayer(QObject):
         self._timer = QTimer(self, singleShot=True, interval=WAIT_MS)
         self._timer.timeout.connect(self._show_difference)
         canvas.installEventFilter(self)
+        canvas.letting_go.connect(lambda: comparison.set(mode="now"))
         comparison.changed.connect(self._update)
         document.found_changed.connect(self._update)
         document.shot_changed.connect(self._on_shot_changed)
@@ -153,6 +154,7 @@ class CompareLayer(QObject):
         if self.other is None:
             self._now = self._canvas.viewport
             self.other = self._canvas.kind.make(self._clip)
+            self._canvas.beside.append(self.other)
             self.other.widget.setAttribute(Qt.WidgetAttribute.WA_TransparentForMouseEvents)
             self.other.changed.connect(self._on_other_changed)
             self._now.changed.connect(self._timer.start)
@@ -177,9 +179,7 @@ class CompareLayer(QObject):
         if self.other is None:
             return
         self._timer.stop()
-        self.other.widget.hide()
-        self.other.stop()
-        self.other.widget.deleteLater()
+        self._canvas.end(self.other)
         self.other = None
 
     def stop(self) -> None:

@@ -38,6 +38,7 @@ class Filing(QObject):
         self.asks = True
         self.autosave, self._watching = Autosave(self._document), Watching(self)
         self._watching.changed.connect(self._on_stage_changed)
+        self._worker.idle_changed.connect(lambda is_idle: self.autosave.hold(not is_idle and self.autosave.is_held))
 
     # ── open ───────────────────────────────────────────────────────────────────────────────────
 
@@ -70,7 +71,9 @@ class Filing(QObject):
         """Reads the shot anew from the disk; strokes stay, and are put on it again."""
         shot, files = self._document.shot, self._document.files
         if shot is not None:
-            is_read = self._painting.canvas.let_go()
+            self.autosave.hold(True)
+            is_shown = self._painting.canvas.let_go()
+            is_read = lambda: self.autosave.is_writing or is_shown()  # noqa: E731
             steps = lambda: reopening(shot, files, self._options, is_read)  # noqa: E731
             self._worker.start(Job("open", steps, self._take_again, self._fail, is_alone=True))
 
@@ -86,6 +89,7 @@ class Filing(QObject):
             self._bar.say(opened.warnings[0], is_error=False)
 
     def _take_again(self, opened: Opened) -> None:
+        self.autosave.hold(False)
         self._document.take_shot(opened.shot, None, opened.prims)
         self._watching.watch(opened.layers)
         self._painting.solving.solve()

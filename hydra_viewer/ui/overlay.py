@@ -15,6 +15,7 @@ from PySide6.QtGui import QColor, QImage, QPainter, QPainterPath, QPaintEvent, Q
 from PySide6.QtWidgets import QWidget
 
 from hydra_viewer.model.brush_color import shot_color, shown_colors
+from hydra_viewer.ui import theme
 from hydra_viewer.ui.marks import DARK, LIGHT, Marks, draw_cross, draw_marks, lay
 from usdslf import Camera, Pick, film_aspect, pick, project_points
 
@@ -43,6 +44,7 @@ class Overlay(QWidget):
         self.path: PenPath | None = None
         self._at: tuple[float, float] | None = None
         self._seen: Pick | None = None
+        self._has_focus_ring = False
         self._laid: dict[int, Marks] = {}  # by stroke
         self._laid_as: tuple[int, ...] = ()
         for announcer in (document.strokes_changed, easel.brush_changed, easel.drawn_changed):
@@ -63,6 +65,11 @@ class Overlay(QWidget):
             self._seen = pick(shot, view.camera, place, self._aspect)
         if self.path is None:
             self.update(before.united(self._brush_rect()))
+
+    def set_focus_ring(self, is_there: bool) -> None:
+        """Shows that keys come here, or not."""
+        self._has_focus_ring = is_there
+        self.update()
 
     def set_rim(self, name: str, rim: QImage | None) -> None:
         """Draws the rim of something, in place of the one of the same name; None: no more."""
@@ -108,6 +115,10 @@ class Overlay(QWidget):
             self._draw_path(painter, self.path)
         if self._at is not None and self._easel.pointer == "paint":
             self._draw_brush(painter, view.camera, self._at)
+        if self._has_focus_ring:
+            painter.setBrush(Qt.BrushStyle.NoBrush)
+            painter.setPen(QPen(QColor(theme.ACCENT), 2))
+            painter.drawRect(self.rect().adjusted(1, 1, -1, -1))
         painter.end()  # not when the frame goes, which a profiler may keep
 
     # ── strokes ────────────────────────────────────────────────────────────────────────────────

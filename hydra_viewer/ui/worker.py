@@ -1,7 +1,8 @@
 """Worker: steps generators on a thread, so that the main thread is never blocked.
 
 A job is a generator of Progress, and of what is whole already; each is handed on by a signal to the main thread.  A new
-job of the same kind cancels the one that it makes stale; `cancel` cancels them all.
+job of the same kind cancels the one that it makes stale; `cancel` cancels them all.  While a job is alone, those that
+are begun meanwhile wait for it, also where it was cancelled and has not ended yet.
 """
 
 from __future__ import annotations
@@ -57,6 +58,7 @@ class Worker(QObject):
         super().__init__(parent)
         self._jobs: dict[str, Job] = {}
         self._threads: list[threading.Thread] = []
+        self._alone: list[threading.Thread] = []
         self._told.connect(self._hear)
 
     @property
@@ -70,24 +72,30 @@ class Worker(QObject):
 
     def start(self, job: Job) -> None:
         """Begins a job; one of the same kind is cancelled, and tells nothing any more."""
-        self.cancel("" if job.is_alone else job.kind)
         was_idle = self.is_idle
+        for stale in [j for j in self._jobs.values() if job.is_alone or j.kind == job.kind]:
+            stale.is_cancelled.set()
+            del self._jobs[stale.kind]
         self._jobs[job.kind] = job
-        self._threads = [t for t in self._threads if t.is_alive()]
-        before = list(self._threads) if job.is_alone else []
+        self._threads, self._alone = ([t for t in some if t.is_alive()] for some in (self._threads, self._alone))
+        before = list(self._threads if job.is_alone else self._alone)
         thread = threading.Thread(target=self._run, args=(job, before), name=f"viewer-{job.kind}", daemon=True)
         self._threads.append(thread)
+        if job.is_alone:
+            self._alone.append(thread)
         thread.start()
-        if was_idle and not self.is_idle:
-            self.idle_changed.emit(False)
+        if was_idle != self.is_idle:
+            self.idle_changed.emit(self.is_idle)
 
     def cancel(self, kind: str = "") -> None:
-        """Cancels the job of a kind; "": all."""
+        """Cancels the job of a kind; "": all.  One that is alone counts until it has ended."""
+        was_idle = self.is_idle
         for job in [j for j in self._jobs.values() if kind in ("", j.kind)]:
             job.is_cancelled.set()
-            del self._jobs[job.kind]
-            if self.is_idle and not job.is_quiet:
-                self.idle_changed.emit(True)
+            if not job.is_alone:
+                del self._jobs[job.kind]
+        if was_idle != self.is_idle:
+            self.idle_changed.emit(self.is_idle)
 
     def stop(self) -> None:
         """Cancels all and waits until it has ended."""
@@ -104,6 +112,7 @@ class Worker(QObject):
             while not job.is_cancelled.is_set():
                 told = next(steps)
                 self._told.emit(job, "progress" if isinstance(told, Progress) else "part", told)
+            self._told.emit(job, "cancelled", None)
         except StopIteration as end:
             self._told.emit(job, "done", end.value)
         except Cancelled:
@@ -125,7 +134,7 @@ class Worker(QObject):
             job.part(value)
             return
         del self._jobs[job.kind]
-        if what == "done":
+        if what == "done" and not job.is_cancelled.is_set():
             job.done(value)
         elif what == "failed":
             job.failed(str(value) if isinstance(value, UsdslfError) else words.internal(value), value)
