@@ -6,6 +6,7 @@ copy of the session layer: what is done in usdview meanwhile does not reach it, 
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,7 @@ from pxr.Usdviewq.plugin import PluginContainer
 from hydra_viewer.ui import words
 from usdslf import Camera, Shot
 
-_open_windows: list[Any] = []  # Qt keeps no Python object
+_open_windows: dict[int, Any] = {}  # Qt keeps no Python object
 
 
 class UsdslfContainer(PluginContainer):
@@ -42,6 +43,7 @@ def paint(usdview: Any) -> Any:
         usdview: UsdviewApi: its stage, frame and camera are looked at, and its status line is written to.
     """
     try:
+        from PySide6.QtCore import Qt
         from PySide6.QtWidgets import QApplication
 
         from hydra_viewer.ui.window import Window
@@ -56,9 +58,21 @@ def paint(usdview: Any) -> Any:
     window = Window()
     window.filing.open_shot(shot, camera=None if seen_by is None else lambda shot: camera_of(seen_by, shot))
     window.show()
-    _open_windows.append(window)
-    window.destroyed.connect(lambda: _open_windows.remove(window))
+    window.setAttribute(Qt.WidgetAttribute.WA_DeleteOnClose)  # usdview goes on, and ends with nothing of it left
+    _open_windows[id(window)] = window
+    window.destroyed.connect(partial(_forget, id(window)))
     return window
+
+
+def _forget(key: int) -> None:
+    """A window is closed; with the last one Python frees cycles by itself again."""
+    from PySide6.QtCore import QTimer
+
+    from hydra_viewer.ui.collector import collect_anywhere
+
+    _open_windows.pop(key, None)
+    if not _open_windows:
+        QTimer.singleShot(0, collect_anywhere)
 
 
 def own_stage(stage: Usd.Stage) -> Usd.Stage:

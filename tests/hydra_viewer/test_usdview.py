@@ -54,6 +54,10 @@ def test_the_stage_of_usdview_stays_as_it_is(seen: dict[str, Any]) -> None:
     assert seen["session is the same"] and seen["stage is another"]
 
 
+def test_a_closed_window_leaves_nothing_in_usdview(seen: dict[str, Any]) -> None:
+    assert seen["left behind"] == [0, True, []]  # windows, whether Python frees cycles by itself, threads
+
+
 def test_a_usdview_on_another_qt_says_so(seen: dict[str, Any]) -> None:
     (said,) = seen["other Qt"]
     assert "PySide6" in said

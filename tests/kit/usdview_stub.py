@@ -6,9 +6,11 @@ its menu item, and prints what the window shows as JSON.
 
 from __future__ import annotations
 
+import gc
 import json
 import os
 import sys
+import threading
 import time
 import types
 from pathlib import Path
@@ -98,7 +100,7 @@ def main(path: Path) -> None:
     menu.actions()[0].trigger()
     from hydra_viewer.usdview.container import _open_windows
 
-    (window,) = _open_windows
+    (window,) = _open_windows.values()
     end = time.monotonic() + 120
     while (window.document.shot is None or window.easel.view is None) and time.monotonic() < end:
         application.processEvents()
@@ -116,8 +118,13 @@ def main(path: Path) -> None:
         "files": window.document.files.stage,
     }
     window.close()
+    del window, shot
+    end = time.monotonic() + 20
+    while (_open_windows or not gc.isenabled()) and time.monotonic() < end:
+        application.processEvents()
+        time.sleep(0.005)
+    out["left behind"] = [len(_open_windows), gc.isenabled(), [t.name for t in threading.enumerate()[1:]]]
     print(json.dumps(out), flush=True)
-    os._exit(0)  # usdview's own end is no part of this
 
 
 if __name__ == "__main__":
