@@ -2,11 +2,14 @@
 
 View(camera, pivot)                 what is looked through, and the point that it turns about
 orbited, panned, dollied, framed    another View
+in_sight                            the same, before what would hide it
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +18,9 @@ from usdslf import Camera, Scene
 
 F64 = NDArray[np.float64]
 FREE = ""  # path of a camera that is no prim
+NEARER = tuple(0.25 * n for n in range(17))  # halvings of the distance that are tried
+ENOUGH = 0.7  # of what is seen of something at best
+SOME = 200  # points of something that are asked for
 STEEPEST = np.radians(89.0)  # that orbiting looks up or down
 
 
@@ -118,6 +124,29 @@ def framed(view: View, bounds: tuple[F64, F64]) -> View:
     return _placed(found, matrix[:3, :3], middle + matrix[:3, 2] * distance)
 
 
+def in_sight(view: View, seen: Callable[[Camera], float]) -> View:
+    """Returns a view nearer to its pivot where something stands before it: a wall that one would be behind.
+
+    Args:
+        seen: the share 0..1 of what is looked at that a camera sees.
+    """
+    tried = [dollied(view, nearer) for nearer in NEARER]
+    shares = [seen(v.camera) for v in tried]
+    return next(v for v, share in zip(tried, shares) if share >= ENOUGH * max(shares))
+
+
+def points_under(scene: Scene, path: str) -> F64:
+    """Returns some points (n, 3) of the gprims at and below a prim; of all where it has none.
+
+    Args:
+        scene: where they are.
+        path: of the prim; "": the whole scene.
+    """
+    meshes = _meshes_under(scene, path) or scene.meshes
+    points = np.concatenate([m.positions for m in meshes]).astype(np.float64)
+    return points[:: max(1, len(points) // SOME)]
+
+
 def bounds_under(scene: Scene, path: str) -> tuple[F64, F64]:
     """Returns lower and upper corner (3,), (3,) of the gprims at and below a prim; of all where it has none.
 
@@ -125,12 +154,16 @@ def bounds_under(scene: Scene, path: str) -> tuple[F64, F64]:
         scene: where they are.
         path: of the prim; "": the whole scene.
     """
-    below = path.rstrip("/") + "/"
-    points = [m.positions for m in scene.meshes if path and (m.path == path or m.path.startswith((below, f"{path}[")))]
+    points = [m.positions for m in _meshes_under(scene, path)]
     if not points:
         return scene.bounds
     low, high = np.min([p.min(0) for p in points], 0), np.max([p.max(0) for p in points], 0)
     return low.astype(np.float64), high.astype(np.float64)
+
+
+def _meshes_under(scene: Scene, path: str) -> list[Any]:
+    below = path.rstrip("/") + "/"
+    return [m for m in scene.meshes if path and (m.path == path or m.path.startswith((below, f"{path}[")))]
 
 
 def _placed(view: View, axes: F64, eye: F64) -> View:

@@ -10,7 +10,7 @@ from PySide6.QtWidgets import QVBoxLayout, QWidget
 
 from hydra_viewer.model.document import Document, Files
 from hydra_viewer.model.easel import Easel
-from hydra_viewer.model.navigation import bounds_under, framed, view_of
+from hydra_viewer.model.navigation import bounds_under, framed, in_sight, points_under, view_of
 from hydra_viewer.model.work import Opened, preparing
 from hydra_viewer.ui.canvas import Canvas
 from hydra_viewer.ui.collector import collect_here
@@ -18,7 +18,7 @@ from hydra_viewer.ui.live_viewport import LIVE
 from hydra_viewer.ui.solving import Solving
 from hydra_viewer.ui.viewport import ViewportKind
 from hydra_viewer.ui.worker import Job, Worker
-from usdslf import Camera, Shot, Stroke
+from usdslf import Camera, Shot, Stroke, are_seen
 
 
 class PaintingWidget(QWidget):
@@ -91,7 +91,9 @@ class PaintingWidget(QWidget):
     def _frame(self, path: str) -> None:
         shot, view = self.document.shot, self.easel.view
         if shot is not None and view is not None:
-            self.easel.look_from(framed(view, bounds_under(shot.scene, path)))
+            points, aspect = points_under(shot.scene, path), self.canvas.aspect
+            found = framed(view, bounds_under(shot.scene, path))
+            self.easel.look_from(in_sight(found, lambda c: float(are_seen(shot, c, points, aspect).mean())))
 
     def stop(self) -> None:
         """Ends all work; nothing is called afterwards."""

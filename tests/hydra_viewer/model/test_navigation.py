@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hydra_viewer.model.navigation import View, dollied, framed, orbited, panned, view_of
+from hydra_viewer.model.navigation import View, dollied, framed, in_sight, orbited, panned, view_of
 from usdslf import Camera, project_points
 
 SHARE = st.floats(-0.9, 0.9)
@@ -63,3 +63,13 @@ def test_what_is_framed_is_seen_whole_and_not_small(perspective: bool) -> None:
     at, depth = project_points(framed(view(perspective), BOX).camera, corners, 1.5)
     assert (depth > 0).all() and at.min() > 0 and at.max() < 1
     assert np.ptp(at[:, 1]) > 0.4
+
+
+def test_what_is_framed_is_looked_at_from_before_the_wall_that_would_hide_it() -> None:
+    found = framed(view(), BOX)
+    eye = lambda v: float(v.camera.world_from_camera[2, 3])  # noqa: E731
+    wall = 0.6 * eye(found)
+    half_seen = lambda camera: 0.5 * float(camera.world_from_camera[2, 3] < wall)  # noqa: E731
+    near = in_sight(found, half_seen)
+    assert 0.75 * wall < eye(near) < wall and np.allclose(near.pivot, found.pivot)
+    assert eye(in_sight(found, lambda camera: 0.5)) == pytest.approx(eye(found))
