@@ -26,6 +26,8 @@ class Row:
         before, after: values as text.
         state: why it does not show; "" where it does.
         strokes: names of those that asked for it.
+        colors: before and after, scene-linear, where it is a colour; else ().
+        is_off: it is kept, and silent.
     """
 
     target: str
@@ -35,6 +37,8 @@ class Row:
     after: str
     state: str = ""
     strokes: tuple[str, ...] = ()
+    colors: tuple[tuple[float, ...], ...] = ()
+    is_off: bool = False
 
 
 @dataclass
@@ -90,10 +94,16 @@ def rows_of(review: LookReview) -> tuple[Row, ...]:
             state = "off" if edit.is_off else f"hidden by {edit.hidden_by}" if edit.hidden_by else edit.drifted
             row = Row(
                 target, material, (name or edit.attribute).removeprefix("inputs:"), in_words(edit.before),
-                in_words(edit.after), state, strokes.get(material, ()),
+                in_words(edit.after), state, strokes.get(material, ()), _colors(edit.before, edit.after), edit.is_off,
             )  # fmt: skip
             found.setdefault(target, row)
     return tuple(sorted(found.values(), key=lambda r: r.material))
+
+
+def _colors(*values: Any) -> tuple[tuple[float, ...], ...]:
+    """Values that are colours; () unless all are."""
+    are = all(isinstance(v, (list, tuple)) and len(v) == 3 and all(isinstance(c, float) for c in v) for v in values)
+    return tuple(tuple(v) for v in values) if are else ()
 
 
 def _person() -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 # ── Understood ────────────────────────────────────────────────────────────────────────────────────
 NOTHING_PAINTED = "Paint on the picture how a surface should look.\nWhat is understood of it is said here."
@@ -70,13 +70,77 @@ SNAPSHOT_TIP = "Enter shows it, Delete forgets it"
 
 # ── Review ────────────────────────────────────────────────────────────────────────────────────────
 REVIEW_PANEL = "Review"
-REVIEW = ("Review the look", "List what the saved look changes, and what is wrong with it")
+REVIEW = ("Review the look", "What the saved look changes, with pictures, and what is wrong with it")
 SAVE_VERDICT = ("Save verdict …", "Write what is accepted and rejected, for: usdslf accept --verdict")
-REVIEW_COLUMNS = ("Change", "Before → after", "State")
-NOT_REVIEWED = "Save the look, then review it: what is unchecked is rejected."
+SAVE_PAGE = ("Save page …", "Write this review as one HTML file to send, as usdslf review does")
+REVIEW_COLUMNS = ("Accept", "Before → after", "State")
+NOT_REVIEWED = "Save the look, then review it. What is unchecked is rejected."
 SAVE_FIRST = "there is no look file yet: save the strokes and the look first"
 NOTE = "Note on the selected change"
-JSON_FILES = "JSON (*.json)"
+JSON_FILES, HTML_FILES = "JSON (*.json)", "HTML (*.html)"
+REVIEW_PICTURE = "Picture of the review"
+REVIEW_PICTURE_TIP = "Drag, or left and right arrow: move the wipe"
+REVIEW_VIEW_TIP = "From where it is looked at: where strokes were painted from, where nobody looked, and in other light"
+REVIEW_MODES = {
+    "before": ("Before", "The shot without the look"),
+    "after": ("After", "The shot with the look"),
+    "wipe": ("Wipe", "Before on the left, after on the right"),
+    "difference": ("Difference", "How far the two are apart, four times"),
+    "indirect": ("By light", "What changes without being edited itself: the difference of the light that it sends"),
+}
+PICTURES_COME = "Making pictures …"
+PAINTED_FROM, HELD_OUT, OTHER_LIGHT = "painted from", "nobody painted from", "in other light"
+VIEW_KINDS = {"stroke": PAINTED_FROM, "held out": HELD_OUT, "light": OTHER_LIGHT}
+OFF = ("Switch off", "Keep the change in the look, silent, as usdslf toggle does; saving the strokes writes it anew")
+ON = ("Switch on", "Let the change show again")
+WEIGHED = "Explanations that were weighed"
+REVIEW_PAINTED, REVIEW_BEFORE, REVIEW_AFTER = "painted", "seen before", "seen after"
+SURVIVES, FINDINGS, FROM = "Will it survive?", "Findings", "Where it comes from"
+ALL_SURVIVES = "No rule says that another program shows it otherwise."
+NO_FINDINGS = "None."
+
+
+# ── keys to the panels ────────────────────────────────────────────────────────────────────────────
+PANELS_MENU = "Pa&nels"
+GO_TO_PICTURE = ("Go to the &picture", "Keys are the picture's: Esc gives a stroke up, B changes the brush")
+PANEL_KEYS = {"Stage": "F3", "Brush": "F4", "Understood": "F6", "Strokes": "F7", "Compare": "F8", "Review": "F9"}
+
+
+def go_to(title: str) -> tuple[str, str]:
+    """Returns the words of the action that gives a panel the keys."""
+    return f"Go to {title}", "Tab and Shift+Tab walk through its controls, space presses them"
+
+
+def view_name(name: str, kind: str) -> str:
+    """Returns the name of a view of a review."""
+    return f"{name.rsplit('/', 1)[-1]} ({VIEW_KINDS[kind]})" if kind in VIEW_KINDS else name
+
+
+def asked_by(strokes: Sequence[str]) -> str:
+    """Returns which strokes asked for a change."""
+    names = ", ".join(s.replace("stroke_", "").lstrip("0") or s for s in strokes)
+    return f"Asked for by {of_strokes(names, len(strokes))}"
+
+
+def residuals(before: float, after: float) -> str:
+    """Returns how near to the paint it came."""
+    return f"Off what was painted by {before:.2f} before, {after:.2f} after"
+
+
+def weighed(title: str, chance_of_it: float, cost: float | None) -> tuple[str, str, str]:
+    """Returns an explanation that was weighed, by columns."""
+    return title, chance(chance_of_it), "not admitted" if cost is None else f"cost {cost:.1f}"
+
+
+def changes_too(names: Sequence[str]) -> str:
+    """Returns what changes and was not painted."""
+    more_of_them = f" and {len(names) - 3} more" if len(names) > 3 else ""
+    return f"Changes too, {NOT_PAINTED}: {', '.join(names[:3])}{more_of_them}"
+
+
+def provenance(values: Mapping[str, object]) -> str:
+    """Returns where a look comes from, a line each."""
+    return "\n".join(f"{name}: {value}" for name, value in values.items() if value not in ("", None))
 
 
 def summary(counts: Mapping[str, int]) -> str:

@@ -24,6 +24,9 @@ ToolButtons QToolButton {{ padding: 4px 1px; }}
 QPushButton:hover {{ background: {RAISED}; }}
 QPushButton:focus, QComboBox:focus, QLineEdit:focus, QToolButton:focus,
 QSlider:focus, QTreeView:focus, QListView:focus {{ border: 1px solid {ACCENT}; }}
+QCheckBox {{ border: 1px solid transparent; border-radius: 3px; padding: 2px; }}
+QCheckBox:focus, QTabBar:focus {{ border-color: {ACCENT}; }}
+QTreeView::item {{ min-height: 20px; }}
 QTreeView, QListView {{ background: {FIELD}; border: 1px solid #262626; alternate-background-color: #323232; }}
 QHeaderView::section {{ background: {PANEL}; border: none; padding: 3px 6px; }}
 QStatusBar {{ background: {GROUND}; }}

@@ -15,6 +15,7 @@ from hydra_viewer.ui import panel_words as words
 from hydra_viewer.ui import theme
 from hydra_viewer.ui.explaining import PREVIEW, Explaining
 from hydra_viewer.ui.swatches import shown, shown_picture
+from hydra_viewer.ui.tab_order import tab_through
 from hydra_viewer.ui.understanding_card import UnderstandingCard
 from hydra_viewer.ui.words import tooltip
 
@@ -118,6 +119,7 @@ class UnderstandingPanel(QWidget):
             self._layout.removeWidget(card)
             card.hide()
             card.deleteLater()
+        tab_through(self)
         for number, id_ in self._explaining.previews:
             self._show_preview(number, id_)
         self._show_effects()

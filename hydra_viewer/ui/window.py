@@ -23,10 +23,11 @@ from hydra_viewer.ui.explaining import Explaining
 from hydra_viewer.ui.filing import Filing
 from hydra_viewer.ui.marks_layer import MarksLayer
 from hydra_viewer.ui.painting_widget import PaintingWidget
-from hydra_viewer.ui.panel_actions import add_compare_actions, add_understanding_actions
+from hydra_viewer.ui.panel_actions import add_compare_actions, add_panel_actions, add_understanding_actions
 from hydra_viewer.ui.review_panel import ReviewPanel
 from hydra_viewer.ui.stage_panel import StagePanel
 from hydra_viewer.ui.strokes_panel import StrokesPanel
+from hydra_viewer.ui.tab_order import tab_through
 from hydra_viewer.ui.timeline import Timeline
 from hydra_viewer.ui.understanding_panel import UnderstandingPanel
 from hydra_viewer.ui.view_bar import ViewBar
@@ -44,6 +45,7 @@ class Window(QMainWindow):
         painting: the picture and what belongs to it; `document`, `easel` and `worker` are its own.
         filing: opens, saves, recovers.
         bar: sentences for people.
+        docks: of the panels.
     """
 
     def __init__(self, options: Mapping[str, Any] | None = None) -> None:
@@ -53,6 +55,7 @@ class Window(QMainWindow):
             options: of `Shot.open`.
         """
         super().__init__()
+        self.docks: list[QDockWidget] = []
         self.painting = PaintingWidget(parent=self)
         self.document, self.easel, self.worker = self.painting.document, self.painting.easel, self.painting.worker
         self.bar, self._progress = MessageBar(), ProgressRow()
@@ -102,13 +105,12 @@ class Window(QMainWindow):
         self.compare_panel = ComparePanel(document, self.comparison)
         above = self.add_panel(words.FOUND_PANEL, self.understanding_panel, RIGHT)
         below = self.add_panel(panel_words.STROKES_PANEL, self.strokes_panel, RIGHT)
-        self.review_panel = ReviewPanel(document, self.worker)
+        self.review_panel = ReviewPanel(document, easel, self.worker)
         self.review_panel.failed.connect(self.bar.say)
-        for title, panel in (
-            (panel_words.COMPARE_PANEL, self.compare_panel), (panel_words.REVIEW_PANEL, self.review_panel),
-        ):  # fmt: skip
-            self.tabifyDockWidget(below, self.add_panel(title, panel, RIGHT))
-        below.raise_()
+        self.tabifyDockWidget(below, self.add_panel(panel_words.COMPARE_PANEL, self.compare_panel, RIGHT))
+        self.tabifyDockWidget(above, self.add_panel(panel_words.REVIEW_PANEL, self.review_panel, RIGHT))
+        for each in (above, below):
+            each.raise_()
         self.resizeDocks([above, below], [600, 340], Qt.Orientation.Vertical)
         self.resizeDocks([above, below], [350, 350], Qt.Orientation.Horizontal)
 
@@ -123,6 +125,8 @@ class Window(QMainWindow):
         dock.setObjectName(title)
         dock.setWidget(scrolled)
         self.addDockWidget(area, dock)
+        tab_through(panel)
+        self.docks.append(dock)
         return dock
 
     def _make_menus(self) -> None:
@@ -146,16 +150,16 @@ class Window(QMainWindow):
         add_understanding_actions(actions, self.understanding_panel)
         add_camera_actions(actions, self.painting)
         view = add_view_actions(actions, self.easel)
-        actions.add(view, words.PLAY, self.timeline.play.toggle, words.PLAY_KEY)
+        play = actions.add(view, words.PLAY, self.timeline.play.toggle, words.PLAY_KEY)
+        play.setShortcutContext(Qt.ShortcutContext.WidgetShortcut)  # elsewhere space presses what has the keys
+        self.painting.canvas.addAction(play)
         view.addSeparator()
         self.viewport_menu = ViewportMenu(self.painting.canvas, self)
         view.addMenu(self.viewport_menu)
         view.addMenu(self.view_bar.display_menu)
         self.addActions([*self.view_bar.display_menu.channels.values(), self.view_bar.display_menu.reset])
         self.legend = FalseColorLegend(self.easel, self.painting.canvas)
-        view.addSeparator()
-        for dock in self.findChildren(QDockWidget):
-            view.addAction(dock.toggleViewAction())
+        add_panel_actions(actions, self.docks, self.painting.canvas)
         add_compare_actions(actions, self.comparison, self.compare_panel)
         actions.add(actions.menu(words.HELP), words.KEYS, self.show_keys, "F1")
 

@@ -1,6 +1,7 @@
 """Review: the order of the steps from a shot and a look to all that a person needs to accept it.
 
     review(stage, look, settings) -> Review             what changes, pictures, strokes, what is wrong
+    review_shot(shot, look, settings) -> Review         the same over a shot that is open, whose light is there
     pictured(found, before, after, settings) -> Review   the same of two states of a shot that are there
 
 Without pictures it is `usdslf.usd.review.review.review_look`, which opens no light.
@@ -141,6 +142,26 @@ def review(
     frame = found.provenance.get("frame") if s.frame is None else s.frame
     before = Shot.open(below, frame, s.device, s.ocio, **s.quality)
     return pictured(found, before, before.reopened(with_look), s)
+
+
+def review_shot(
+    shot: Shot, look: str | os.PathLike[str], settings: ReviewSettings | None = None, found: LookReview | None = None
+) -> Review:
+    """Reviews a look over a shot that is open, as its files are now; what of its light is the same is not made anew.
+
+    Args:
+        shot: with or without the look; its frame, device and quality hold, in place of those of the settings.
+        look: its layer.
+        settings: None: as usual.
+        found: what `review_look` said of it; None: it is asked.
+
+    Raises: StageError for the shot or a camera, InputError for the look.
+    """
+    s = settings or ReviewSettings()
+    said = found if found is not None else tell_during(lambda: review_look(shot.path, look, s.ocio or shot.ocio))
+    with_look, below = over_its_shot(shot.path, look)
+    before = shot.reopened(below)
+    return pictured(said, before, before.reopened(with_look), s)
 
 
 def pictured(found: LookReview, before: Shot, after: Shot, s: ReviewSettings) -> Review:

@@ -56,7 +56,7 @@ def test_a_camera_is_looked_through_from_the_tree_and_from_the_bar(window: Windo
     assert window.view_bar.camera.currentIndex() == -1
     index = window.stage_panel.model.index_of("/World/camera")
     window.stage_panel.tree.doubleClicked.emit(index)
-    assert window.easel.view.camera.path == "/World/camera" == window.view_bar.camera.currentText()
+    assert window.easel.view.camera.path == "/World/camera" == window.view_bar.camera.currentData()
 
 
 def test_a_colour_is_picked_as_the_screen_shows_it(window: Window) -> None:
@@ -98,10 +98,10 @@ def test_the_timeline_shows_other_frames_with_the_look_over_them(window: Window)
     wood = [next(m for m in s.scene.materials if m.path.endswith("wood")) for s in (window.document.found.shot, first)]
     assert not np.allclose(wood[0].diffuse_color, wood[1].diffuse_color)
     assert len(window.document.strokes) == 1
-    QTest.keyClick(window, Qt.Key.Key_Space)
+    QTest.keyClick(window.painting.canvas, Qt.Key.Key_Space)
     assert window.timeline.play.isChecked()
     wait_for(lambda: window.document.shot.scene.frame != 3.0)
-    QTest.keyClick(window, Qt.Key.Key_Space)
+    QTest.keyClick(window.painting.canvas, Qt.Key.Key_Space)
     assert not window.timeline.play.isChecked()
     wait_for(lambda: window.worker.is_idle)
 
