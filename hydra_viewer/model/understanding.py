@@ -47,9 +47,7 @@ class ParameterChange:
     @property
     def range_in_words(self) -> str:
         """What the paint allows; "" where that is not known."""
-        if not self.low:
-            return ""
-        return f"the paint allows {self.name} {value_in_words(self.low)} to {value_in_words(self.high)}"
+        return f"the paint allows {value_in_words(self.low)} to {value_in_words(self.high)}" if self.low else ""
 
 
 @dataclass(frozen=True)
@@ -69,6 +67,16 @@ class Alternative:
     chance: float | None
     changes: tuple[ParameterChange, ...]
     is_chosen: bool
+
+    @property
+    def brief(self) -> str:
+        """What would change, where there is little room: "diffuse + glossiness of ring"."""
+        what, _, of = self.id.partition(OF_MATERIAL)
+        names = what.split("+")
+        if what in ("", "none"):
+            return NOTHING
+        said = "all three" if len(names) == len(TITLES) else " + ".join(names)
+        return f"{said} of {of.rsplit('/', 1)[-1]}" if of else said
 
 
 @dataclass(frozen=True)

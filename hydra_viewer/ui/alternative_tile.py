@@ -103,7 +103,7 @@ class AlternativeTile(QAbstractButton):
     def _draw_caption(self, painter: QPainter, where: QRect) -> None:
         metrics = QFontMetrics(self.font())
         painter.setPen(QColor(theme.TEXT if self.isEnabled() else theme.DIM))
-        title = metrics.elidedText(self.alternative.title, Qt.TextElideMode.ElideRight, where.width())
+        title = metrics.elidedText(self.alternative.brief, Qt.TextElideMode.ElideRight, where.width())
         painter.drawText(where, Qt.AlignmentFlag.AlignTop | Qt.AlignmentFlag.AlignLeft, title)
         painter.setPen(QColor(theme.DIM))
         chance = self.alternative.chance

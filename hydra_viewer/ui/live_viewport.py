@@ -235,8 +235,8 @@ class _Painter:
                 is_whole = bool(end.value)
             finally:
                 steps.close()
-            frame = live.now(frames)
-            self._hand_over(wanted, frame.picture, 1.0 if is_whole else frame.share)
+            frame = live.now(FRAMES)
+            self._hand_over(wanted, frame.picture, 1.0 if is_whole and frames == FRAMES else min(frame.share, 0.99))
             if self._viewport.is_stale():
                 return
 

@@ -106,7 +106,7 @@ class UnderstandingCard(QWidget):
             grid.addWidget(_dim(change.name), row, 0)
             grid.addWidget(self._picture_of(change), row, 1)
             if change.low:
-                grid.addWidget(_dim(change.range_in_words), row + 1, 1)
+                grid.addWidget(_dim(change.range_in_words), row + 1, 0, 1, 2)
         self._layout.addLayout(grid)
         for note in (*self.group.notes, *self.group.also):
             self._layout.addWidget(_dim(note))

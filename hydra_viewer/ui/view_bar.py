@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from PySide6.QtCore import QSize
+from PySide6.QtCore import QSize, Qt
 from PySide6.QtWidgets import QComboBox, QDoubleSpinBox, QHBoxLayout, QLabel, QToolButton, QWidget
 
 from hydra_viewer.model.document import Document
@@ -21,11 +21,11 @@ class ViewBar(QWidget):
         self._painting, self._easel = painting, painting.easel
         self.pointers = {name: self._pointer(name) for name in POINTERS}
         self.camera, self.drawn = QComboBox(), QComboBox()
-        self.camera.setMinimumWidth(140)
+        self.camera.setMinimumWidth(130)
         self.camera.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
         self.camera.setToolTip(words.CAMERA_TIP)
         self.drawn.setToolTip(words.DRAWN_TIP)
-        self.drawn.setMinimumWidth(110)
+        self.drawn.setMinimumWidth(105)
         self.drawn.setSizeAdjustPolicy(QComboBox.SizeAdjustPolicy.AdjustToMinimumContentsLengthWithIcon)
         for way in DRAWN:
             self.drawn.addItem(words.DRAWN[way], way)
@@ -38,7 +38,7 @@ class ViewBar(QWidget):
         self.display.setMenu(self.display_menu)
         self.display.setPopupMode(QToolButton.ToolButtonPopupMode.InstantPopup)
         self.display.setToolTip(words.DISPLAY_TIP)
-        self.display.setMaximumWidth(150)
+        self.display.setMaximumWidth(190)
         self.display_menu.named.connect(self.display.setText)
         self.exposure = self._number(words.EXPOSURE, (-12.0, 12.0), lambda v: self._easel.set_display(exposure=v))
         self.gamma = self._number(words.GAMMA, (0.1, 5.0), lambda v: self._easel.set_display(gamma=v))
@@ -74,7 +74,7 @@ class ViewBar(QWidget):
         box = QDoubleSpinBox()
         box.setRange(*ends)
         box.setSingleStep(0.25)
-        box.setFixedWidth(70)
+        box.setFixedWidth(66)
         box.setToolTip(tip[1])
         box.valueChanged.connect(put)
         return box
@@ -83,7 +83,8 @@ class ViewBar(QWidget):
         self.camera.clear()
         if document.shot is not None:
             for camera in document.shot.scene.cameras:
-                self.camera.addItem(camera.path, camera.path)
+                self.camera.addItem(camera.path.rsplit("/", 1)[-1], camera.path)
+                self.camera.setItemData(self.camera.count() - 1, camera.path, Qt.ItemDataRole.ToolTipRole)
             if not document.shot.scene.cameras:
                 self.camera.addItem(words.OVERVIEW, None)
         self._update()
