@@ -22,8 +22,11 @@ if TYPE_CHECKING:  # it is asked before a USD library is chosen
 QT_NEEDS = "on Debian libegl1 libgl1 libdbus-1-3 libxkbcommon-x11-0 libxcb-cursor0 libxcb-icccm4 libxcb-keysyms1"
 DISPLAYS = ("DISPLAY", "WAYLAND_DISPLAY", "QT_QPA_PLATFORM")  # one is set where Qt can show a window on Linux
 
-def require_viewer() -> None:
+def require_viewer(is_seen: bool = True) -> None:
     """Tells whether a window can be shown here.
+
+    Args:
+        is_seen: somebody is to see it; False: Qt alone is needed.
 
     Raises: InputError without Qt, without a library that Qt needs, or without a display.
     """
@@ -34,7 +37,7 @@ def require_viewer() -> None:
     except ImportError as error:
         say = " ".join(str(error).split())
         raise InputError(f"the viewer cannot load Qt ({say}); install what it needs: {QT_NEEDS}") from error
-    if sys.platform == "linux" and not any(map(os.environ.get, DISPLAYS)):
+    if is_seen and sys.platform == "linux" and not any(map(os.environ.get, DISPLAYS)):
         raise InputError("there is no display to open a window on: DISPLAY is not set; use a screen, or ssh -X")
 
 

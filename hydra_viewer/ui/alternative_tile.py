@@ -94,11 +94,12 @@ class AlternativeTile(QAbstractButton):
             painter.drawText(picture, Qt.AlignmentFlag.AlignCenter, said)
         painter.setClipping(False)
         self._draw_caption(painter, QRect(7, picture.bottom() + 3, self.width() - 14, CAPTION - 4))
-        is_marked = self.isChecked() or self.hasFocus()
-        color = theme.ACCENT if self.isChecked() else theme.TEXT if self.hasFocus() else "#262626"
         painter.setBrush(Qt.BrushStyle.NoBrush)
-        painter.setPen(QPen(QColor(color), 2 if is_marked else 1))
+        painter.setPen(QPen(QColor(theme.ACCENT if self.isChecked() else "#262626"), 2 if self.isChecked() else 1))
         painter.drawPath(shape)
+        if self.hasFocus():
+            painter.setPen(QPen(QColor(theme.FOCUS), 1))
+            painter.drawRoundedRect(r.adjusted(2, 2, -2, -2), 3, 3)
 
     def _draw_caption(self, painter: QPainter, where: QRect) -> None:
         metrics = QFontMetrics(self.font())

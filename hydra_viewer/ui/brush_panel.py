@@ -28,6 +28,7 @@ from hydra_viewer.model.easel import Easel
 from hydra_viewer.ui import words
 from hydra_viewer.ui.color_picker import ColorPicker, Swatches
 from hydra_viewer.ui.icons import icon
+from hydra_viewer.ui.tab_order import tab_through
 from usdslf import MODES, NORMS, SCOPES, SPACES, TOOLS
 
 PER_ROW = 4
@@ -166,6 +167,7 @@ class BrushPanel(QWidget):
             n = len(brush.recent)
             self.recent.show_colors(shown[1 : n + 1], [words.scene_linear(c) for c in brush.recent])
             self.palette_row.show_colors(shown[n + 1 :], [words.scene_linear(c) for c in PALETTE])
+            tab_through(self)  # there may be one more
 
     def _on_picked(self, code: tuple[float, float, float]) -> None:
         shot = self._document.shot

@@ -62,7 +62,7 @@ class _Field(QWidget):
             painter.setPen(QPen(color, width))
             painter.drawEllipse(at, 5, 5)
         if self.hasFocus():
-            painter.setPen(QPen(QColor(theme.ACCENT), 1))
+            painter.setPen(QPen(QColor(theme.FOCUS), 1))
             painter.drawRect(self._inner())
 
 

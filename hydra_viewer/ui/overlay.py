@@ -5,19 +5,20 @@ It takes no events; the canvas below it does.
 
 from __future__ import annotations
 
+import time
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from PySide6.QtCore import QPointF, QRect, QRectF, Qt
-from PySide6.QtGui import QColor, QImage, QPainter, QPainterPath, QPaintEvent, QPen
+from PySide6.QtCore import QPointF, QRect, QRectF, Qt, QTimer
+from PySide6.QtGui import QColor, QImage, QPainter, QPainterPath, QPaintEvent, QPen, QPixmap
 from PySide6.QtWidgets import QWidget
 
 from hydra_viewer.model.brush_color import shot_color, shown_colors
 from hydra_viewer.ui import theme
 from hydra_viewer.ui.marks import DARK, LIGHT, Marks, draw_cross, draw_marks, lay
-from usdslf import Camera, Pick, film_aspect, pick, project_points
+from usdslf import Camera, Pick, Stroke, film_aspect, pick, project_points
 
 if TYPE_CHECKING:
     from hydra_viewer.model.document import Document
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
 
 RING = 48  # corners of the brush's ring
 LEAST_PRESSURE = 0.1
+LAYING = 0.02  # seconds at a time in which strokes are laid on the picture
 
 
 class Overlay(QWidget):
@@ -47,6 +49,8 @@ class Overlay(QWidget):
         self._has_focus_ring = False
         self._laid: dict[int, Marks] = {}  # by stroke
         self._laid_as: tuple[int, ...] = ()
+        self._layer: QPixmap | None = None
+        self._layer_as: tuple[object, ...] = ()
         for announcer in (document.strokes_changed, easel.brush_changed, easel.drawn_changed):
             announcer.connect(self.update)
 
@@ -104,9 +108,7 @@ class Overlay(QWidget):
         if not self._easel.is_moving:
             for rim in self._rims.values():
                 painter.drawImage(self.rect(), rim)
-        if self._easel.drawn != "hidden":
-            for marks in self._marks(view.camera):
-                draw_marks(painter, marks, self._paint_of(marks))
+        painter.drawPixmap(0, 0, self._strokes_drawn(view.camera))
         if self._easel.has_gate:
             self._draw_gate(painter, view.camera)
         if self._easel.brush.tool == "clone":
@@ -117,30 +119,62 @@ class Overlay(QWidget):
             self._draw_brush(painter, view.camera, self._at)
         if self._has_focus_ring:
             painter.setBrush(Qt.BrushStyle.NoBrush)
-            painter.setPen(QPen(QColor(theme.ACCENT), 2))
+            painter.setPen(QPen(QColor(theme.FOCUS), 2))
             painter.drawRect(self.rect().adjusted(1, 1, -1, -1))
         painter.end()  # not when the frame goes, which a profiler may keep
 
     # ── strokes ────────────────────────────────────────────────────────────────────────────────
 
+    def _strokes_drawn(self, camera: Camera) -> QPixmap:
+        """The strokes, drawn anew only where they look otherwise than before."""
+        drawn = [
+            (m, self._paint_of(m)) for m in self._marks(camera)
+            if self._easel.drawn != "hidden" or self._is_awaited(m.stroke)
+        ]  # fmt: skip
+        ratio = self.devicePixelRatioF()
+        key = self._laid_as, ratio, tuple((m, paint.rgba() if paint is not None else 0) for m, paint in drawn)
+        if key != self._layer_as or self._layer is None:
+            self._layer, self._layer_as = QPixmap(self.size() * ratio), key
+            self._layer.setDevicePixelRatio(ratio)
+            self._layer.fill(Qt.GlobalColor.transparent)
+            painter = QPainter(self._layer)
+            painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+            for marks, paint in drawn:
+                draw_marks(painter, marks, paint)
+            painter.end()
+        return self._layer
+
     def _marks(self, camera: Camera) -> list[Marks]:
-        """The strokes on the picture; those that are new, or all where the camera moved, are laid."""
+        """The strokes on the picture; those that are new, or all where the camera moved, are laid.
+
+        As many as are quick: the others follow at once, or when the camera rests.
+        """
         shot = self._document.shot
         assert shot is not None
         key = (id(camera), id(shot), self.width(), self.height())
         known = self._laid if key == self._laid_as else {}
-        size = self.width(), self.height()
-        self._laid = {
-            id(s): known[id(s)] if id(s) in known and known[id(s)].stroke is s else lay(s, shot, camera, size)
-            for s in self._document.active
-        }
-        self._laid_as = key
+        size, until = (self.width(), self.height()), time.perf_counter() + LAYING
+        self._laid, self._laid_as = {}, key
+        for stroke in self._document.active:
+            marks = known.get(id(stroke))
+            if marks is not None and marks.stroke is stroke:
+                self._laid[id(stroke)] = marks
+            elif time.perf_counter() < until:
+                self._laid[id(stroke)] = lay(stroke, shot, camera, size)
+        if len(self._laid) < len(self._document.active) and not self._easel.is_moving:
+            QTimer.singleShot(0, self, self.update)
         return list(self._laid.values())
 
+    def _is_awaited(self, stroke: Stroke) -> bool:
+        """Whether what a stroke asks for is not shown yet: its paint is, raw, until then."""
+        found = self._document.found
+        return found is None or found.shot is None or all(s is not stroke for s in found.strokes)
+
     def _paint_of(self, marks: Marks) -> QColor | None:
-        if self._easel.drawn != "paint" or marks.stroke.tool == "fixate":
-            return None
-        return self._shown(marks.stroke.colors.mean(0))
+        stroke = marks.stroke
+        if self._is_awaited(stroke) or (self._easel.drawn == "paint" and stroke.tool != "fixate"):
+            return self._raw_color(stroke.tool, stroke.colors.mean(0))
+        return None
 
     def _draw_path(self, painter: QPainter, path: PenPath) -> None:
         """The stroke as it is painted, raw."""
@@ -148,22 +182,22 @@ class Overlay(QWidget):
         places = np.array(path.places) * [self.width(), self.height(), 1]
         share = np.maximum(places[:, 2], LEAST_PRESSURE) if brush.uses_pressure else np.ones(len(places))
         widths = 2 * brush.radius * self.height() * share
-        pen = QPen(self._raw_color(), 1, Qt.PenStyle.SolidLine, Qt.PenCapStyle.RoundCap, Qt.PenJoinStyle.RoundJoin)
+        raw = self._raw_color(brush.tool, np.array(brush.color))
+        pen = QPen(raw, 1, Qt.PenStyle.SolidLine, Qt.PenCapStyle.RoundCap, Qt.PenJoinStyle.RoundJoin)
         dots = [*pairwise(places[:, :2]), (places[-1, :2], places[-1, :2] + [0.01, 0])]
         for (a, b), width in zip(dots, (*widths[1:], widths[-1])):
             pen.setWidthF(float(width))
             painter.setPen(pen)
             painter.drawLine(QPointF(*a), QPointF(*b))
 
-    def _raw_color(self) -> QColor:
-        """Of the brush on the screen; tools without a colour are drawn in a veil."""
+    def _raw_color(self, tool: str, color: NDArray) -> QColor:
+        """Of paint on the screen; tools without a colour are drawn in a veil."""
         veils = {
             "brighten": QColor(255, 255, 255, 110), "darken": QColor(0, 0, 0, 110), "blur": QColor(150, 170, 200, 110),
             "sharpen": QColor(230, 210, 150, 110), "fixate": QColor(90, 90, 90, 140),
             "clone": QColor(150, 200, 160, 120),
         }  # fmt: skip
-        tool = self._easel.brush.tool
-        return veils[tool] if tool in veils else self._shown(np.array(self._easel.brush.color))
+        return veils[tool] if tool in veils else self._shown(color)
 
     def _shown(self, linear: NDArray) -> QColor:
         shot = self._document.shot

@@ -131,7 +131,7 @@ class ReviewPicture(QWidget):
             self._draw_line(painter, self.split * r.width())
         if self.hasFocus():
             painter.setBrush(Qt.BrushStyle.NoBrush)
-            painter.setPen(QPen(QColor(theme.ACCENT), 2))
+            painter.setPen(QPen(QColor(theme.FOCUS), 2))
             painter.drawRect(QRectF(r).adjusted(1, 1, -1, -1))
 
     def _draw_dabs(self, painter: QPainter) -> None:

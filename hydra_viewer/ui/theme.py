@@ -7,6 +7,7 @@ from PySide6.QtWidgets import QApplication
 
 GROUND, PANEL, FIELD, RAISED = "#3a3a3a", "#444444", "#2e2e2e", "#555555"
 TEXT, DIM, ACCENT = "#d8d8d8", "#8c8c8c", "#c9a227"
+FOCUS = "#f2f2f2"  # round what has the keys; what is chosen has the accent
 ERROR, NOTE = "#8c3b34", "#4d5a66"
 
 SHEET = f"""
@@ -23,9 +24,9 @@ QPushButton, QComboBox, QLineEdit {{
 ToolButtons QToolButton {{ padding: 4px 1px; }}
 QPushButton:hover {{ background: {RAISED}; }}
 QPushButton:focus, QComboBox:focus, QLineEdit:focus, QToolButton:focus,
-QSlider:focus, QTreeView:focus, QListView:focus {{ border: 1px solid {ACCENT}; }}
+QSlider:focus, QTreeView:focus, QListView:focus, QToolButton:checked:focus {{ border: 1px solid {FOCUS}; }}
 QCheckBox {{ border: 1px solid transparent; border-radius: 3px; padding: 2px; }}
-QCheckBox:focus, QTabBar:focus {{ border-color: {ACCENT}; }}
+QCheckBox:focus, QTabBar:focus {{ border-color: {FOCUS}; }}
 QTreeView::item {{ min-height: 20px; }}
 QTreeView, QListView {{ background: {FIELD}; border: 1px solid #262626; alternate-background-color: #323232; }}
 QHeaderView::section {{ background: {PANEL}; border: none; padding: 3px 6px; }}

@@ -37,9 +37,8 @@ class ViewBar(QWidget):
         self.display = QToolButton()
         self.display.setMenu(self.display_menu)
         self.display.setPopupMode(QToolButton.ToolButtonPopupMode.InstantPopup)
-        self.display.setToolTip(words.DISPLAY_TIP)
         self.display.setMaximumWidth(190)
-        self.display_menu.named.connect(self.display.setText)
+        self.display_menu.named.connect(self._name_display)
         self.exposure = self._number(words.EXPOSURE, (-12.0, 12.0), lambda v: self._easel.set_display(exposure=v))
         self.gamma = self._number(words.GAMMA, (0.1, 5.0), lambda v: self._easel.set_display(gamma=v))
         layout = QHBoxLayout(self)
@@ -78,6 +77,11 @@ class ViewBar(QWidget):
         box.setToolTip(tip[1])
         box.valueChanged.connect(put)
         return box
+
+    def _name_display(self, name: str) -> None:
+        """Shows what it is without what stands in brackets, where there is little room."""
+        self.display.setText(name.partition(" (")[0])
+        self.display.setToolTip(f"{name}\n{words.DISPLAY_TIP}")
 
     def _fill(self, document: Document) -> None:
         self.camera.clear()

@@ -31,6 +31,8 @@ BY_STEP = {
     "solve": "Finding the change",
     "author": "Writing the look",
     "render": "Making the picture",
+    "similarity": "Comparing surfaces",
+    "review": "Reviewing the look",
 }
 
 

@@ -11,7 +11,9 @@ import gc
 import resource
 import sys
 import tempfile
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -40,8 +42,12 @@ class Hour:
     memory: list[float] = field(default_factory=list)
 
 
-def work(count: int, folder: Path) -> Hour:
-    """Paints strokes on two shots in turn, and counts those that did not reach their file."""
+def work(count: int, folder: Path, say: Callable[[str], None] = lambda said: None) -> Hour:
+    """Paints strokes on two shots in turn, and counts those that did not reach their file.
+
+    Args:
+        say: told after each shot.
+    """
     hour, rng = Hour(), np.random.default_rng(0)
     stages = []
     for name, build in (("roll", roll), ("crowd", crowd)):
@@ -62,6 +68,7 @@ def work(count: int, folder: Path) -> Hour:
             wait_for(lambda before=before: window.document.shot is not before)
             gc.collect()
             hour.memory.append(_resident())
+            say(f"{hour.strokes} strokes, {hour.lost} lost, {hour.memory[-1]:.0f} MiB")
     return hour
 
 
@@ -96,7 +103,7 @@ def growth(memory: list[float]) -> float:
 
 if __name__ == "__main__":
     with tempfile.TemporaryDirectory() as made:
-        found = work(int(sys.argv[1]) if len(sys.argv) > 1 else 500, Path(made))
+        found = work(int(sys.argv[1]) if len(sys.argv) > 1 else 500, Path(made), partial(print, flush=True))
     print(f"{found.strokes} strokes, {found.lost} lost; MiB after each shot: {[round(m) for m in found.memory]}")
     print(f"{growth(found.memory):.2f} MiB from one shot to the next after warm-up")
     sys.exit(1 if found.lost else 0)

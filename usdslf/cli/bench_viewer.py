@@ -26,7 +26,7 @@ def measure_viewer(elements: int, device: str | None) -> dict[str, Any]:
 
     Raises: InputError without Qt, UsdslfError where the viewer fails.
     """
-    require_viewer()
+    require_viewer(is_seen=False)
     environment = dict(os.environ)
     if sys.platform == "linux" and not any(environment.get(k) for k in ("DISPLAY", "WAYLAND_DISPLAY")):
         environment["QT_QPA_PLATFORM"] = "offscreen"

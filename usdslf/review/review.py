@@ -158,10 +158,11 @@ def review_shot(
     Raises: StageError for the shot or a camera, InputError for the look.
     """
     s = settings or ReviewSettings()
-    said = found if found is not None else tell_during(lambda: review_look(shot.path, look, s.ocio or shot.ocio))
-    with_look, below = over_its_shot(shot.path, look)
-    before = shot.reopened(below)
-    return pictured(said, before, before.reopened(with_look), s)
+    with step("review"):
+        said = found if found is not None else tell_during(lambda: review_look(shot.path, look, s.ocio or shot.ocio))
+        with_look, below = over_its_shot(shot.path, look)
+        before = shot.reopened(below)
+        return pictured(said, before, before.reopened(with_look), s)
 
 
 def pictured(found: LookReview, before: Shot, after: Shot, s: ReviewSettings) -> Review:

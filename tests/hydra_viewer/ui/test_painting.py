@@ -84,7 +84,11 @@ def test_a_stroke_is_understood_undone_and_done_again(window: Window) -> None:
     (stroke,) = document.strokes
     assert stroke.surfaces == (BALL,) and np.allclose(stroke.colors, (0.02, 0.3, 0.05))
     assert window.easel.brush.recent[0] == (0.02, 0.3, 0.05)
+    painted = lambda: canvas.overlay.grab().toImage().pixelColor(pixel(canvas, on_ball(window)[1]))  # noqa: E731
+    raw = painted()
+    assert raw.green() > 1.5 * raw.red() and raw.green() > 1.5 * raw.blue()  # until there is an answer
     solved(window)
+    assert painted().alpha() == 0  # the picture shows through
     assert "/World/mtl/red" in sentences(window)
     wait_for(lambda: canvas.viewport.pixels().mean((0, 1))[1] > before[1] * 1.005)  # greener
     QTest.keyClick(window, Qt.Key.Key_Z, CTRL)

@@ -14,9 +14,10 @@ import pytest
 from kit.painted_table import ON_RED, OPTIONS, write_table
 from PySide6.QtCore import QPoint, Qt
 from PySide6.QtTest import QTest
-from PySide6.QtWidgets import QApplication, QWidget
+from PySide6.QtWidgets import QApplication, QLabel, QWidget
 
 from hydra_viewer.model.document import Files
+from hydra_viewer.ui import panel_words as words
 from hydra_viewer.ui.application import make_application
 from hydra_viewer.ui.window import Window
 
@@ -27,6 +28,7 @@ LEFT, CTRL, SHIFT, ALT = (
     Qt.KeyboardModifier.AltModifier,
 )
 PATIENCE_S = 120.0
+BESIDE_THE_HIGHLIGHT = (0.70, 0.40), (0.72, 0.42)  # of the grey ball, in a picture of 4 : 3
 
 
 class Artist:
@@ -108,6 +110,30 @@ def test_a_sentence_and_pictures_come_and_a_click_takes_another_explanation(firs
     first.until_understood()
     chosen = w.understanding_panel.cards[0].group.chosen
     assert chosen is not None and chosen.id == before.id
+
+
+def test_a_near_tie_is_asked_as_a_question_with_two_pictures(first: Artist) -> None:
+    w = first.window
+    w.easel.set_brush(color=(0.3, 0.3, 0.3), space="scene")
+    narrower = w.painting.canvas.aspect / (4 / 3)
+    # light there may come from a stronger highlight, or from a broader one
+    first.paint(*((x, 0.5 + (y - 0.5) * narrower) for x, y in BESIDE_THE_HIGHLIGHT))
+    first.until_understood()
+    w.easel.set_brush(color=(0.05, 0.08, 0.5), space="reflectance")
+    card = w.understanding_panel.cards[0]
+    assert card.group.strokes == ("stroke_0002",) and card.group.rival
+    (question,) = [x for x in card.findChildren(QLabel) if x.text() == words.QUESTION]
+    first.wait(lambda: w.explaining.effects is not None)
+    asked = list(card.tiles.values())[:2]
+    assert [t.alternative.id for t in asked] == [card.group.chosen.id, card.group.rival]
+    assert all(t.has_picture and t.y() > question.y() for t in asked) and asked[0].y() == asked[1].y()
+    pictures = [np.asarray(t.preview.picture) for t in asked]
+    assert np.abs(pictures[0] - pictures[1]).mean() > 0.02 * pictures[0].mean()  # a question that can be answered
+    first.press(Qt.Key.Key_2, ALT)
+    first.until_understood()
+    answered = w.understanding_panel.cards[0].group
+    assert answered.chosen.id == asked[1].alternative.id and answered.is_chosen_by_hand and not answered.rival
+    assert w.document.strokes[1].choice == asked[1].alternative.id
 
 
 def test_where_to_dab_next_is_marked_on_the_picture_with_the_colours_that_are_expected(first: Artist) -> None:
