@@ -57,11 +57,11 @@ Public names; all others may change from version to version:
     similarity_to                                what of a picture is like what was painted
     report_of, lines_of_report                   what was inferred and authored, as values and as lines
     review_look, LookReview                      what a look layer changes and what is wrong with it
-    review_shot, Review, ReviewSettings          the same with pictures, over a shot that is open
-    toggle, page_of                              edits that are kept and silent; a review as HTML
+    toggle                                       edits of a look that are kept and silent
     UsdslfError      base of all errors that a user can mend, with the exit code of each
 
-Many shots in one run, and one asset in several shots, are `usdslf.batch`, which has public names of its own.
+Many shots in one run, and one asset in several shots, are `usdslf.batch`, reviews with pictures `usdslf.review`; both have
+public names of their own.
 """
 
 from __future__ import annotations
@@ -82,8 +82,6 @@ if TYPE_CHECKING:
     from usdslf.progress import Cancelled, Progress, run, stepwise
     from usdslf.render.live.picture import LiveFrame, LivePicture
     from usdslf.report import lines_of_report, report_of
-    from usdslf.review.page import page_of
-    from usdslf.review.review import Review, ReviewSettings, review_shot
     from usdslf.scene.cameras import camera_rays, film_aspect, project_points, view_and_projection
     from usdslf.scene.records import Camera, Scene
     from usdslf.session import Session, open
@@ -129,8 +127,6 @@ __all__ = [
     "PrimRow",
     "Progress",
     "PxrChoice",
-    "Review",
-    "ReviewSettings",
     "Scene",
     "Seen",
     "Session",
@@ -153,7 +149,6 @@ __all__ = [
     "live_picture",
     "next_name",
     "open",
-    "page_of",
     "paint_stroke",
     "pick",
     "project_points",
@@ -163,7 +158,6 @@ __all__ = [
     "report_of",
     "require_viewer",
     "review_look",
-    "review_shot",
     "run",
     "seen_prims",
     "similarity_to",
@@ -201,8 +195,6 @@ _HOME = {
     **dict.fromkeys(("lines_of_report", "report_of"), "usdslf.report"),
     "LookReview": "usdslf.usd.review.records",
     "review_look": "usdslf.usd.review.review",
-    **dict.fromkeys(("Review", "ReviewSettings", "review_shot"), "usdslf.review.review"),
-    "page_of": "usdslf.review.page",
     "toggle": "usdslf.usd.review.toggle",
     "Session": "usdslf.session",
     "open": "usdslf.session",

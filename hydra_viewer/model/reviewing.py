@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hydra_viewer.model.understanding import title_of
-from usdslf import LookReview, Progress, Review, ReviewSettings, Shot, review_look, review_shot, stepwise, toggle
+from usdslf import LookReview, Progress, Shot, review_look, stepwise, toggle
+from usdslf.review import Review, ReviewSettings, review_shot
 
 SETTINGS = ReviewSettings(size=(640, 360), frames=6)
 HEAT = ((0.0, 0.0, 0.0), (0.35, 0.05, 0.35), (0.85, 0.25, 0.15), (1.0, 0.75, 0.2), (1.0, 1.0, 0.9))  # of the screen

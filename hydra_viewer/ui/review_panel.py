@@ -31,7 +31,8 @@ from hydra_viewer.ui.review_tree import ReviewTree
 from hydra_viewer.ui.swatches import shown
 from hydra_viewer.ui.words import tooltip
 from hydra_viewer.ui.worker import Job, Worker
-from usdslf import LookReview, Review, page_of
+from usdslf import LookReview
+from usdslf.review import Review, page_of
 
 REVIEW, SWITCH = "review", "switch"
 WRONG = "#e0988f"

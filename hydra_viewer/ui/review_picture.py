@@ -15,7 +15,8 @@ from hydra_viewer.model.reviewing import heat_map
 from hydra_viewer.ui import panel_words as words
 from hydra_viewer.ui import theme
 from hydra_viewer.ui.swatches import shown_picture
-from usdslf import Review, Shot
+from usdslf import Shot
+from usdslf.review import Review
 
 MODES = ("before", "after", "wipe", "difference", "indirect")
 GAIN = 4.0  # of the difference

@@ -20,7 +20,7 @@ from hydra_viewer.model.document import Files
 from hydra_viewer.ui import panel_words as words
 from hydra_viewer.ui.application import make_application
 from hydra_viewer.ui.window import Window
-from usdslf import ReviewSettings
+from usdslf.review import ReviewSettings
 from usdslf.review.verdict import read_verdict
 
 PANELS = tuple(words.PANEL_KEYS)
