@@ -60,8 +60,8 @@ Public names; all others may change from version to version:
     toggle                                       edits of a look that are kept and silent
     UsdslfError      base of all errors that a user can mend, with the exit code of each
 
-Many shots in one run, and one asset in several shots, are `usdslf.batch`, reviews with pictures `usdslf.review`; both have
-public names of their own.
+Many shots in one run, and one asset in several shots, are `usdslf.batch`, pictures of reviews `usdslf.review`: both
+have public names of their own.
 """
 
 from __future__ import annotations
