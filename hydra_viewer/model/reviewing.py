@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from hydra_viewer.model.understanding import title_of
+from hydra_viewer.model.understanding import brief_of
 from usdslf import LookReview, Progress, Shot, review_look, stepwise, toggle
 from usdslf.review import Review, ReviewSettings, review_shot
 
@@ -94,7 +94,7 @@ def details_of(said: LookReview, review: Review | None, material: str) -> Detail
     residuals: tuple[float, ...] = ()
     if record and record.residual_before is not None and record.residual_after is not None:
         residuals = record.residual_before, record.residual_after
-    weighed = tuple(Weighed(title_of(a.id), a.probability, a.cost) for a in (record.alternatives if record else ()))
+    weighed = tuple(Weighed(brief_of(a.id), a.probability, a.cost) for a in (record.alternatives if record else ()))
     colors = (seen.target, seen.seen_before, seen.seen_after) if seen else ((), (), ())
     return Details(tuple(s.rsplit("/", 1)[-1] for s in strokes), residuals, *colors, weighed, unpainted)
 

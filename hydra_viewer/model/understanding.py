@@ -70,13 +70,8 @@ class Alternative:
 
     @property
     def brief(self) -> str:
-        """What would change, where there is little room: "diffuse + glossiness of ring"."""
-        what, _, of = self.id.partition(OF_MATERIAL)
-        names = what.split("+")
-        if what in ("", "none"):
-            return NOTHING
-        said = "all three" if len(names) == len(TITLES) else " + ".join(names)
-        return f"{said} of {of.rsplit('/', 1)[-1]}" if of else said
+        """What would change, where there is little room."""
+        return brief_of(self.id)
 
 
 @dataclass(frozen=True)
@@ -164,6 +159,16 @@ def title_of(id_: str) -> str:
         return NOTHING
     names = [TITLES.get(name, name) for name in what.split("+")]
     said = " and ".join((", ".join(names[:-1]), names[-1])) if len(names) > 1 else names[0]
+    return f"{said} of {of.rsplit('/', 1)[-1]}" if of else said
+
+
+def brief_of(id_: str) -> str:
+    """Returns what an explanation changes, where there is little room: "diffuse + glossiness of ring"."""
+    what, _, of = id_.partition(OF_MATERIAL)
+    names = what.split("+")
+    if what in ("", "none"):
+        return NOTHING
+    said = "all three" if len(names) == len(TITLES) else " + ".join(names)
     return f"{said} of {of.rsplit('/', 1)[-1]}" if of else said
 
 

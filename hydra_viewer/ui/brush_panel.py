@@ -122,6 +122,7 @@ class BrushPanel(QWidget):
     def _lay_out(self) -> None:
         layout, form, more = QVBoxLayout(self), QFormLayout(), QFormLayout()
         for each in (form, more):
+            each.setLabelAlignment(Qt.AlignmentFlag.AlignVCenter)
             each.setFieldGrowthPolicy(QFormLayout.FieldGrowthPolicy.AllNonFixedFieldsGrow)
         form.addRow(words.SIZE, self.radius)
         form.addRow(words.STRENGTH, self.strength)

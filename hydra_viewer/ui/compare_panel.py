@@ -62,6 +62,7 @@ class ComparePanel(QWidget):
         layout.addLayout(self._mode_row())
         form = QFormLayout()
         form.setVerticalSpacing(4)
+        form.setLabelAlignment(Qt.AlignmentFlag.AlignVCenter)
         self.with_ = QComboBox()
         self.with_.activated.connect(lambda _=0: comparison.set(with_=self.with_.currentData()))
         self.gain = QDoubleSpinBox(decimals=0, minimum=1, maximum=MOST_GAIN)

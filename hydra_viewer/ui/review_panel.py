@@ -108,6 +108,7 @@ class ReviewPanel(QWidget):
             (self.page_button, words.SAVE_PAGE, self._ask_page),
         ):  # fmt: skip
             button.setToolTip(tooltip(*words_of, ""))
+            button.setStyleSheet("padding: 3px 2px;")
             button.clicked.connect(lambda _=False, do=do: do())
             row.addWidget(button)
         return row
@@ -121,6 +122,7 @@ class ReviewPanel(QWidget):
             button.setText(words.REVIEW_MODES[mode][0])
             button.setToolTip(tooltip(*words.REVIEW_MODES[mode], ""))
             button.setCheckable(True)
+            button.setStyleSheet("padding: 3px 4px;")
             button.setChecked(mode == self.picture.mode)
             button.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
             button.clicked.connect(lambda _=False, mode=mode: self.picture.set_mode(mode))

@@ -6,7 +6,17 @@ from dataclasses import replace
 
 import numpy as np
 from PySide6.QtCore import QPointF, QRect, QRectF, QSize, Qt
-from PySide6.QtGui import QColor, QImage, QKeyEvent, QMouseEvent, QPainter, QPaintEvent, QPen
+from PySide6.QtGui import (
+    QColor,
+    QImage,
+    QKeyEvent,
+    QMouseEvent,
+    QPainter,
+    QPainterPath,
+    QPaintEvent,
+    QPen,
+    QResizeEvent,
+)
 from PySide6.QtWidgets import QSizePolicy, QWidget
 
 from hydra_viewer.model.comparison import difference
@@ -40,6 +50,7 @@ class ReviewPicture(QWidget):
         self.images: dict[str, QImage] = {}
         self.view = -1
         self._dabs: list[tuple[float, float, float]] = []
+        self._outline = QPainterPath()
         self._aspect = 16 / 9
         policy = QSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Minimum)
         policy.setHeightForWidth(True)
@@ -76,7 +87,7 @@ class ReviewPicture(QWidget):
             "difference": shown_picture(apart, shot, DisplaySettings()),
             "indirect": QImage(heat.data, w, h, 3 * w, QImage.Format.Format_RGB888).copy(),
         }  # fmt: skip
-        self._dabs = [dab for stroke in seen.strokes for dab in stroke.dabs]
+        self._dabs, self._outline = [dab for stroke in seen.strokes for dab in stroke.dabs], QPainterPath()
         self.view, self._aspect = number, w / h
         self.updateGeometry()
         self.update()
@@ -110,6 +121,9 @@ class ReviewPicture(QWidget):
         else:
             self._wipe_to(self.split + step)
 
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        self._outline = QPainterPath()
+
     def paintEvent(self, event: QPaintEvent) -> None:
         painter, r = QPainter(self), self.rect()
         painter.setRenderHint(QPainter.RenderHint.Antialiasing)
@@ -136,12 +150,18 @@ class ReviewPicture(QWidget):
             painter.drawRect(QRectF(r).adjusted(1, 1, -1, -1))
 
     def _draw_dabs(self, painter: QPainter) -> None:
-        painter.setBrush(Qt.BrushStyle.NoBrush)
-        for pen in (QPen(QColor(0, 0, 0, 150), 2.2), QPen(QColor(255, 255, 255, 190), 0.9)):
-            painter.setPen(pen)
+        """The rim of what was painted."""
+        if self._outline.isEmpty() and self._dabs:
+            outline = QPainterPath()
+            outline.setFillRule(Qt.FillRule.WindingFill)
             for x, y, radius in self._dabs:
                 r = max(radius * self.width(), 2.0)
-                painter.drawEllipse(QPointF(x * self.width(), y * self.height()), r, r)
+                outline.addEllipse(QPointF(x * self.width(), y * self.height()), r, r)
+            self._outline = outline.simplified()
+        painter.setBrush(Qt.BrushStyle.NoBrush)
+        for pen in (QPen(QColor(0, 0, 0, 150), 2.4), QPen(QColor(255, 255, 255, 210), 1.0)):
+            painter.setPen(pen)
+            painter.drawPath(self._outline)
 
     def _draw_line(self, painter: QPainter, x: float) -> None:
         for pen in (QPen(QColor(0, 0, 0, 140), 3), QPen(QColor("white"), 1.2)):

@@ -15,7 +15,8 @@ from hydra_viewer.ui.swatches import swatch_icon
 NUMBER = Qt.ItemDataRole.UserRole
 SWATCH, GAP = 14, 3  # pixels
 LEAST_ROWS, MOST_ROWS = 3, 9  # that are seen without scrolling
-WIDTHS = 140, 124  # of the first columns [pixels]
+WIDTHS = 118, 150  # of the first columns [pixels]
+ROW = 24  # pixels, at most
 
 
 class ReviewTree(QTreeWidget):
@@ -37,6 +38,7 @@ class ReviewTree(QTreeWidget):
         self.setAlternatingRowColors(True)
         for column, width in enumerate(WIDTHS):
             self.header().resizeSection(column, width)
+        self.setHorizontalScrollBarPolicy(Qt.ScrollBarPolicy.ScrollBarAlwaysOff)
         self.itemChanged.connect(self._on_checked)
 
     def show_rows(
@@ -62,7 +64,8 @@ class ReviewTree(QTreeWidget):
                 if before is not None and row.target == before.target:
                     self.setCurrentItem(item)
         lines = min(max(len(self.rows) + len(under), LEAST_ROWS), MOST_ROWS)
-        self.setFixedHeight(lines * 22 + self.header().sizeHint().height() + 6)
+        self.setFixedHeight(lines * ROW + self.header().sizeHint().height() + 6)
+        self.setColumnHidden(2, not any(row.state for row in self.rows))
         first = next(iter(under.values())).child(0) if under else None
         if self.selected is None and first is not None:
             self.setCurrentItem(first)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from PySide6.QtCore import QSignalBlocker, Signal
+from PySide6.QtCore import QSignalBlocker, Qt, Signal
 from PySide6.QtWidgets import QColorDialog, QComboBox, QDoubleSpinBox, QFormLayout, QPushButton, QWidget
 
 from hydra_viewer.model.brush_color import linear_color, shot_color
@@ -38,6 +38,7 @@ class StrokeFields(QWidget):
         form = QFormLayout(self)
         form.setContentsMargins(0, 4, 0, 0)
         form.setVerticalSpacing(4)
+        form.setLabelAlignment(Qt.AlignmentFlag.AlignVCenter)
         for field, values in CHOICES.items():
             box = QComboBox()
             for value in values:

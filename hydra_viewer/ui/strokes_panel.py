@@ -103,7 +103,7 @@ class StrokesPanel(QWidget):
         tree.setHeaderLabels(words.COLUMNS)
         tree.setRootIsDecorated(False)
         tree.setUniformRowHeights(True)
-        tree.setMinimumHeight(150)
+        tree.setMinimumHeight(110)
         tree.setSelectionMode(QAbstractItemView.SelectionMode.ExtendedSelection)
         tree.setDragDropMode(QAbstractItemView.DragDropMode.InternalMove)
         tree.setDefaultDropAction(Qt.DropAction.MoveAction)
@@ -192,7 +192,7 @@ class StrokesPanel(QWidget):
                 group = said.get(item.data(0, NAME))
                 is_on = item.checkState(0) == Qt.CheckState.Checked
                 chosen = group.chosen if group and is_on else None
-                title = words.understood_as(chosen.title, group.is_chosen_by_hand) if group and chosen else ""
+                title = words.understood_as(chosen.brief, group.is_chosen_by_hand) if group and chosen else ""
                 item.setText(2, title if is_on else words.SWITCHED_OFF)
                 item.setToolTip(2, group.sentence if group and is_on else "")
 

@@ -23,6 +23,7 @@ QPushButton, QComboBox, QLineEdit {{
   background: {FIELD}; border: 1px solid #262626; border-radius: 3px; padding: 3px 6px; min-height: 18px; }}
 ToolButtons QToolButton {{ padding: 4px 1px; }}
 QPushButton:hover {{ background: {RAISED}; }}
+QPushButton:checked {{ border: 1px solid {ACCENT}; color: {ACCENT}; }}
 QPushButton:focus, QComboBox:focus, QLineEdit:focus, QToolButton:focus,
 QSlider:focus, QTreeView:focus, QListView:focus, QToolButton:checked:focus {{ border: 1px solid {FOCUS}; }}
 QCheckBox {{ border: 1px solid transparent; border-radius: 3px; padding: 2px; }}

@@ -111,7 +111,7 @@ class Window(QMainWindow):
         self.tabifyDockWidget(above, self.add_panel(panel_words.REVIEW_PANEL, self.review_panel, RIGHT))
         for each in (above, below):
             each.raise_()
-        self.resizeDocks([above, below], [600, 340], Qt.Orientation.Vertical)
+        self.resizeDocks([above, below], [570, 370], Qt.Orientation.Vertical)
         self.resizeDocks([above, below], [350, 350], Qt.Orientation.Horizontal)
 
     def add_panel(self, title: str, panel: QWidget, area: Qt.DockWidgetArea) -> QDockWidget:

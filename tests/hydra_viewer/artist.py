@@ -40,7 +40,7 @@ from usdslf.usd.review.accept import accept_look  # noqa: E402
 
 ASSETS = ROOT.parent / "shared" / "assets"
 SIZE = 1600, 1000  # of the window [points]
-SHARE = 0.08  # of the light that a picture at rest is to have
+SHARE = 0.03  # of the light that a picture at rest is to have
 Path2 = tuple[tuple[float, float], ...]  # places 0..1 of the picture
 
 
@@ -77,7 +77,7 @@ class Artist:
         self.window = self.opened_window()
 
     def opened_window(self) -> Window:
-        window = Window({"elements": 2500})
+        window = Window({"elements": 1500})
         window.resize(*SIZE)
         window.show()
         assert QTest.qWaitForWindowExposed(window)
