@@ -33,6 +33,7 @@ from PySide6.QtWidgets import QApplication, QDockWidget, QWidget  # noqa: E402
 from hydra_viewer.model.document import Files  # noqa: E402
 from hydra_viewer.ui import panel_words  # noqa: E402
 from hydra_viewer.ui.application import make_application  # noqa: E402
+from hydra_viewer.ui.cheat_sheet import CheatSheet  # noqa: E402
 from hydra_viewer.ui.window import Window  # noqa: E402
 from usdslf import read_strokes  # noqa: E402
 from usdslf.review.verdict import read_verdict  # noqa: E402
@@ -130,11 +131,11 @@ class Artist:
 
     # ── pictures ───────────────────────────────────────────────────────────────────────────────
 
-    def shoot(self, what: str) -> None:
+    def shoot(self, what: str, of: QWidget | None = None) -> None:
         QApplication.processEvents()
         self.number += 1
         path = self.folder / f"{self.prefix}_{self.number:02d}_{what}.png"
-        assert self.window.grab().save(str(path))
+        assert (of or self.window).grab().save(str(path))
         print(f"  {path.name}: {self.window.bar.text or sentences(self.window) or '-'}", flush=True)
 
     def pixels(self) -> np.ndarray:
@@ -185,6 +186,10 @@ def look_round(artist: Artist, wish: Wish) -> None:
     artist.shoot("framed")
     artist.key(Qt.Key.Key_0)
     artist.key(Qt.Key.Key_W)
+    artist.key(Qt.Key.Key_F1)
+    sheet = artist.window.findChildren(CheatSheet)[-1]
+    artist.shoot("keys", sheet)
+    sheet.close()
 
 
 def paint_and_misjudge(artist: Artist, wish: Wish) -> None:

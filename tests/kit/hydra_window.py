@@ -82,10 +82,14 @@ class Hand:
         QTest.mouseRelease(canvas, LEFT, held, points[-1])
 
     def reloaded(self) -> np.ndarray:
-        """Reads the shot anew; returns the Hydra viewport's picture at rest."""
-        viewport = self.canvas.viewport
+        """Reads the shot anew, looks round and undoes meanwhile; returns the Hydra viewport's picture at rest."""
+        viewport, view = self.canvas.viewport, self.window.easel.view
         shot = self.window.document.shot
         self.window.filing.reload()
+        self.drag([(0.5, 0.5), (0.52, 0.48), (0.54, 0.48)], ALT)
+        self.window.document.redo()
+        self.window.document.undo()
+        self.window.easel.look_from(view)
         self.wait(lambda: self.window.document.shot is not shot)
         self.solved()
         self.wait(lambda: viewport._drawn.wish is viewport._renderer._wish and viewport._drawn.share >= 1)
