@@ -57,7 +57,6 @@ Public names; all others may change from version to version:
     similarity_to                                what of a picture is like what was painted
     report_of, lines_of_report                   what was inferred and authored, as values and as lines
     review_look, LookReview                      what a look layer changes and what is wrong with it
-    toggle                                       edits of a look that are kept and silent
     UsdslfError      base of all errors that a user can mend, with the exit code of each
 
 Many shots in one run, and one asset in several shots, are `usdslf.batch`, pictures of reviews `usdslf.review`: both
@@ -93,7 +92,6 @@ if TYPE_CHECKING:
     from usdslf.usd.prims import FrameRange, PrimRow, frame_range, reload_stage, stage_files, stage_prims
     from usdslf.usd.review.records import LookReview
     from usdslf.usd.review.review import review_look
-    from usdslf.usd.review.toggle import toggle
     from usdslf.usd.stroke_layer import read_strokes, write_strokes
     from usdslf.usd.which_pxr import PxrChoice, choose_pxr
     from usdslf.viewing import require_viewer
@@ -166,7 +164,6 @@ __all__ = [
     "stage_prims",
     "stepwise",
     "stylize_shot",
-    "toggle",
     "view_and_projection",
     "write_strokes",
 ]
@@ -195,7 +192,6 @@ _HOME = {
     **dict.fromkeys(("lines_of_report", "report_of"), "usdslf.report"),
     "LookReview": "usdslf.usd.review.records",
     "review_look": "usdslf.usd.review.review",
-    "toggle": "usdslf.usd.review.toggle",
     "Session": "usdslf.session",
     "open": "usdslf.session",
     "Shot": "usdslf.shot",

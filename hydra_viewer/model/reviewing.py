@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hydra_viewer.model.understanding import brief_of
-from usdslf import LookReview, Progress, Shot, review_look, stepwise, toggle
-from usdslf.review import Review, ReviewSettings, review_shot
+from usdslf import LookReview, Progress, Shot, review_look, stepwise
+from usdslf.review import Review, ReviewSettings, review_shot, toggle
 
 SETTINGS = ReviewSettings(size=(640, 360), frames=6)
 HEAT = ((0.0, 0.0, 0.0), (0.35, 0.05, 0.35), (0.85, 0.25, 0.15), (1.0, 0.75, 0.2), (1.0, 1.0, 0.9))  # of the screen

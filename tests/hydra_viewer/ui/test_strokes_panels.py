@@ -11,7 +11,7 @@ os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
 
 import numpy as np
 import pytest
-from kit.painted_table import ON_RED, OPTIONS, write_table
+from kit.painted_table import CAMERA, ON_RED, OPTIONS, write_table
 from PySide6.QtCore import QPoint, Qt
 from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QApplication, QLabel, QWidget
@@ -20,6 +20,7 @@ from hydra_viewer.model.document import Files
 from hydra_viewer.ui import panel_words as words
 from hydra_viewer.ui.application import make_application
 from hydra_viewer.ui.window import Window
+from usdslf import paint_stroke
 
 LEFT, CTRL, SHIFT, ALT = (
     Qt.MouseButton.LeftButton,
@@ -114,12 +115,13 @@ def test_a_sentence_and_pictures_come_and_a_click_takes_another_explanation(firs
 
 def test_a_near_tie_is_asked_as_a_question_with_two_pictures(first: Artist) -> None:
     w = first.window
-    w.easel.set_brush(color=(0.3, 0.3, 0.3), space="scene")
-    narrower = w.painting.canvas.aspect / (4 / 3)
+    shot, places = w.document.shot, [np.array(BESIDE_THE_HIGHLIGHT)]
     # light there may come from a stronger highlight, or from a broader one
-    first.paint(*((x, 0.5 + (y - 0.5) * narrower) for x, y in BESIDE_THE_HIGHLIGHT))
+    lighter = paint_stroke(
+        shot.scene, shot.tracer, shot.camera(CAMERA), places, 0.02, (0.3, 0.3, 0.3), aspect=4 / 3, name="stroke_0002"
+    )
+    w.document.change_strokes("replace stroke", [*w.document.strokes, lighter])
     first.until_understood()
-    w.easel.set_brush(color=(0.05, 0.08, 0.5), space="reflectance")
     card = w.understanding_panel.cards[0]
     assert card.group.strokes == ("stroke_0002",) and card.group.rival
     (question,) = [x for x in card.findChildren(QLabel) if x.text() == words.QUESTION]
