@@ -11,12 +11,16 @@ window lives, and a timer of the main thread does what it would have done.
 from __future__ import annotations
 
 import gc
+import time
 
-from PySide6.QtCore import QCoreApplication, QEvent, QTimer
+from PySide6.QtCore import QCoreApplication, QEvent, Qt, QTimer
+from PySide6.QtGui import QGuiApplication
 
 EVERY = 50  # milliseconds
+OLDEST_EVERY = 10.0  # seconds, at least, between collections of all there is, which people may feel
 
 _timers: list[QTimer] = []
+_last = [0.0]  # time of the last collection of all there is
 
 
 def collect_here() -> None:
@@ -43,7 +47,12 @@ def collect_anywhere() -> None:
 
 
 def _collect() -> None:
-    """Collects as old a generation as Python's own collector would."""
+    """Collects as old a generation as Python's own collector would, the oldest rarely and never in a stroke."""
     count, most = gc.get_count(), gc.get_threshold()
     if count[0] > most[0] > 0:
-        gc.collect(max((g for g in (1, 2) if count[g] > most[g] > 0), default=0))
+        generation = max((g for g in (1, 2) if count[g] > most[g] > 0), default=0)
+        now = time.monotonic()
+        is_busy = now - _last[0] < OLDEST_EVERY or QGuiApplication.mouseButtons() != Qt.MouseButton.NoButton
+        if generation == 2 and not is_busy:
+            _last[0] = now
+        gc.collect(min(generation, 1) if is_busy else generation)

@@ -10,12 +10,10 @@ pixel, and the mean is shown: edges come out smooth on any machine.
 
 from __future__ import annotations
 
-import atexit
 import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from weakref import WeakMethod
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,6 +22,7 @@ from PySide6.QtGui import QImage, QOffscreenSurface, QOpenGLContext, QSurfaceFor
 
 from hydra_viewer.hydra.engine import STORM, Engine
 from hydra_viewer.ui import words
+from hydra_viewer.ui.ending import stop_at_exit
 from hydra_viewer.ui.gl_picture import GlPicture
 from hydra_viewer.ui.viewport import Shown
 from usdslf import Camera, DisplayPass, DisplaySettings, LiveStage, UsdslfError, color_of
@@ -110,8 +109,7 @@ class HydraRenderer(QObject):
         self.holds_stage = False
         if (app := QCoreApplication.instance()) is not None:
             app.aboutToQuit.connect(self.finish)
-        mine = WeakMethod(self.finish)  # a program that ends by an error, its window open, ends all the same
-        atexit.register(lambda: (finish := mine()) and finish())
+        stop_at_exit(self.finish)
 
     def ask(self, change: Callable[[Wish], Wish]) -> None:
         """Changes what is wished for; it is drawn next."""

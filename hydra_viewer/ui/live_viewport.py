@@ -18,6 +18,7 @@ from PySide6.QtWidgets import QWidget
 
 from hydra_viewer.model.display import DisplaySettings, display_codes
 from hydra_viewer.ui import words
+from hydra_viewer.ui.ending import stop_at_exit
 from hydra_viewer.ui.viewport import Shown, ViewportKind
 from usdslf import Camera, LivePicture, UsdslfError, color_of, live_picture, stepwise
 
@@ -102,6 +103,7 @@ class LiveViewport(QObject):
         self._painter = _Painter(self)
         self._thread = threading.Thread(target=self._work, name="viewer-picture", daemon=True)
         self._thread.start()
+        stop_at_exit(self.stop)
 
     @property
     def widget(self) -> QWidget:

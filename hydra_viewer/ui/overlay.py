@@ -49,6 +49,9 @@ class Overlay(QWidget):
         self._has_focus_ring = False
         self._laid: dict[int, Marks] = {}  # by stroke
         self._laid_as: tuple[int, ...] = ()
+        self._colors: dict[tuple[float, ...], QColor] = {}
+        for announcer in (document.shot_changed, easel.display_changed):
+            announcer.connect(self._colors.clear)
         self._layer: QPixmap | None = None
         self._layer_as: tuple[object, ...] = ()
         for announcer in (document.strokes_changed, easel.brush_changed, easel.drawn_changed):
@@ -200,10 +203,13 @@ class Overlay(QWidget):
         return veils[tool] if tool in veils else self._shown(color)
 
     def _shown(self, linear: NDArray) -> QColor:
-        shot = self._document.shot
+        """A colour on the screen, looked up where it was shown before."""
+        shot, key = self._document.shot, tuple(linear.tolist())
         assert shot is not None
-        r, g, b = (float(c) for c in shown_colors(linear, self._easel.display, shot_color(shot))[0])
-        return QColor.fromRgbF(r, g, b)
+        if key not in self._colors:
+            r, g, b = (float(c) for c in shown_colors(linear, self._easel.display, shot_color(shot))[0])
+            self._colors[key] = QColor.fromRgbF(r, g, b)
+        return self._colors[key]
 
     # ── the brush, and the film's frame ────────────────────────────────────────────────────────
 

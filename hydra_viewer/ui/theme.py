@@ -29,6 +29,10 @@ QSlider:focus, QTreeView:focus, QListView:focus, QToolButton:checked:focus {{ bo
 QCheckBox {{ border: 1px solid transparent; border-radius: 3px; padding: 2px; }}
 QCheckBox:focus, QTabBar:focus {{ border-color: {FOCUS}; }}
 QTreeView::item {{ min-height: 20px; }}
+QDialogButtonBox, QMessageBox {{ dialogbuttonbox-buttons-have-icons: 0; }}
+QLabel[isDim="true"] {{ color: {DIM}; }}
+QToolButton[isTight="true"] {{ padding: 3px 3px; }}
+#card {{ background: #3f3f3f; border: 1px solid #303030; border-radius: 4px; }}
 QTreeView, QListView {{ background: {FIELD}; border: 1px solid #262626; alternate-background-color: #323232; }}
 QHeaderView::section {{ background: {PANEL}; border: none; padding: 3px 6px; }}
 QStatusBar {{ background: {GROUND}; }}

@@ -61,7 +61,6 @@ class UnderstandingCard(QWidget):
         self.group, self._shown, self.has_keys = group, shown, keys
         self.tiles: dict[str, AlternativeTile] = {}
         self.setObjectName("card")
-        self.setStyleSheet("#card { background: #3f3f3f; border: 1px solid #303030; border-radius: 4px; }")
         self._layout = QVBoxLayout(self)
         self._layout.setContentsMargins(8, 8, 8, 8)
         self._layout.setSpacing(6)
@@ -80,8 +79,7 @@ class UnderstandingCard(QWidget):
         names = ", ".join(n.replace("stroke_", "").lstrip("0") or n for n in group.strokes)
         head = QLabel(f"<b>{group.material.rsplit('/', 1)[-1] or '—'}</b>")
         head.setToolTip(group.material)
-        which = QLabel(words.of_strokes(names, len(group.strokes)))
-        which.setStyleSheet(f"color: {theme.DIM};")
+        which = _dim(words.of_strokes(names, len(group.strokes)))
         row = QHBoxLayout()
         row.addWidget(head, 1)
         row.addWidget(which)
@@ -190,7 +188,7 @@ class UnderstandingCard(QWidget):
             button.setToolTip(tooltip(*words.SCOPES[scope], ""))
             button.setCheckable(True)
             button.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
-            button.setStyleSheet("padding: 3px 3px;")
+            button.setProperty("isTight", True)
             button.setChecked(scope == self.group.scope)
             button.installEventFilter(self)
             button.clicked.connect(lambda _=False, scope=scope: self.scope_chosen.emit(scope))
@@ -245,7 +243,7 @@ def _wrapped(text: str) -> QLabel:
 
 def _dim(text: str) -> QLabel:
     label = _wrapped(text) if len(text) > 24 else QLabel(text)
-    label.setStyleSheet(f"color: {theme.DIM};")
+    label.setProperty("isDim", True)
     return label
 
 

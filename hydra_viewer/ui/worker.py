@@ -7,6 +7,7 @@ are begun meanwhile wait for it, also where it was cancelled and has not ended y
 
 from __future__ import annotations
 
+import queue
 import threading
 from collections.abc import Callable, Generator
 from dataclasses import dataclass, field
@@ -15,8 +16,10 @@ from typing import Any
 from PySide6.QtCore import QObject, Signal
 
 from hydra_viewer.ui import words
+from hydra_viewer.ui.ending import stop_at_exit
 from usdslf import Cancelled, Progress, UsdslfError
 
+THREADS = 4  # that are there from the beginning
 Steps = Callable[[], Generator[Any, None, Any]]
 
 
@@ -30,6 +33,7 @@ class Job:
         part, done, failed: told what is whole already, the result, or a sentence and the error; on the main thread.
         is_quiet: it is too short to be told of.
         is_alone: it cancels all others, and begins when they have ended.
+        is_cancelled, has_ended: what became of it.
     """
 
     kind: str
@@ -40,10 +44,11 @@ class Job:
     is_quiet: bool = False
     is_alone: bool = False
     is_cancelled: threading.Event = field(default_factory=threading.Event)
+    has_ended: threading.Event = field(default_factory=threading.Event)
 
 
 class Worker(QObject):
-    """Runs jobs, each on a thread of its own.
+    """Runs jobs, each on a thread of its own, which waits for the next one afterwards.
 
     Attributes:
         progressed: Signal(str, float): step and share of the job that was begun last.
@@ -57,9 +62,13 @@ class Worker(QObject):
     def __init__(self, parent: QObject | None = None) -> None:
         super().__init__(parent)
         self._jobs: dict[str, Job] = {}
+        self._running: list[Job] = []  # cancelled ones too, until they have ended
+        self._asked: queue.SimpleQueue[tuple[Job, list[Job]] | None] = queue.SimpleQueue()
         self._threads: list[threading.Thread] = []
-        self._alone: list[threading.Thread] = []
+        for _ in range(THREADS):
+            self._add_thread()
         self._told.connect(self._hear)
+        stop_at_exit(self._end)
 
     @property
     def is_idle(self) -> bool:
@@ -77,13 +86,12 @@ class Worker(QObject):
             stale.is_cancelled.set()
             del self._jobs[stale.kind]
         self._jobs[job.kind] = job
-        self._threads, self._alone = ([t for t in some if t.is_alive()] for some in (self._threads, self._alone))
-        before = list(self._threads if job.is_alone else self._alone)
-        thread = threading.Thread(target=self._run, args=(job, before), name=f"viewer-{job.kind}", daemon=True)
-        self._threads.append(thread)
-        if job.is_alone:
-            self._alone.append(thread)
-        thread.start()
+        self._running = [j for j in self._running if not j.has_ended.is_set()]
+        before = [j for j in self._running if job.is_alone or j.is_alone]
+        self._running.append(job)
+        if len(self._running) > len(self._threads):
+            self._add_thread()
+        self._asked.put((job, before))
         if was_idle != self.is_idle:
             self.idle_changed.emit(self.is_idle)
 
@@ -100,13 +108,38 @@ class Worker(QObject):
     def stop(self) -> None:
         """Cancels all and waits until it has ended."""
         self.cancel()
+        self._end()
+
+    def _end(self) -> None:
+        """Ends all threads, without a word: Qt may be gone."""
+        for job in self._running:
+            job.is_cancelled.set()
+        for _ in self._threads:
+            self._asked.put(None)
         for thread in self._threads:
             thread.join(timeout=10)
+        self._threads = []
 
-    def _run(self, job: Job, before: list[threading.Thread]) -> None:
-        """On the job's own thread."""
-        for thread in before:
-            thread.join()
+    def _add_thread(self) -> None:
+        """Begins a thread, which takes its time: so some are there before they are needed."""
+        thread = threading.Thread(target=self._serve, name=f"viewer-{len(self._threads)}", daemon=True)
+        self._threads.append(thread)
+        thread.start()
+
+    def _serve(self) -> None:
+        """On a thread: runs what is asked, one after another."""
+        while (asked := self._asked.get()) is not None:
+            job, before = asked
+            for other in before:
+                other.has_ended.wait()
+            try:
+                self._run(job)
+            finally:
+                job.has_ended.set()
+            del asked, job, before  # what they hold is not kept until the next one comes
+
+    def _run(self, job: Job) -> None:
+        """On a thread."""
         steps = job.steps()
         try:
             while not job.is_cancelled.is_set():

@@ -12,7 +12,7 @@ from __future__ import annotations
 import shutil
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -75,6 +75,7 @@ class Artist:
 
     def __init__(self, folder: Path, name: str, prefix: str) -> None:
         self.folder, self.name, self.prefix, self.number = folder, name, prefix, 0
+        self.errors: list[str] = []
         self.window = self.opened_window()
 
     def opened_window(self) -> Window:
@@ -84,6 +85,8 @@ class Artist:
         assert QTest.qWaitForWindowExposed(window)
         window.activateWindow()
         wait_for(window.isActiveWindow)
+        for failed in (window.painting.failed, window.explaining.failed, window.review_panel.failed):
+            failed.connect(self.errors.append)
         return window
 
     # ── acts ───────────────────────────────────────────────────────────────────────────────────
@@ -91,19 +94,23 @@ class Artist:
     def open(self, files: Files) -> None:
         window = self.window
         window.filing.open(files)
-        wait_for(lambda: window.document.shot is not None or bool(window.bar.text))
-        assert window.document.shot is not None, window.bar.text
+        self.wait(lambda: window.document.shot is not None)
+
+    def wait(self, condition: Callable[[], bool]) -> None:
+        """Lets events happen until a condition holds, or something fails."""
+        wait_for(lambda: condition() or bool(self.errors), 240)
+        assert not self.errors, self.errors
 
     def rest(self) -> None:
         """Waits until all that was begun is there: solve, pictures of the explanations, most of the light."""
         window, canvas = self.window, self.window.painting.canvas
         shares = [0.0]
         tell = canvas.progress.connect(shares.append)
-        wait_for(lambda: window.worker.is_idle and window.document.is_solved and window.explaining.is_current, 240)
-        wait_for(lambda: not window.explaining.is_making_pictures, 240)
+        self.wait(lambda: window.worker.is_idle and window.document.is_solved and window.explaining.is_current)
+        self.wait(lambda: not window.explaining.is_making_pictures)
         shares.append(0.0)
         window.easel.view_changed()  # the picture is asked for once more, and tells how far it is
-        wait_for(lambda: canvas.viewport.pixels() is not None and shares[-1] > SHARE, 240)
+        self.wait(lambda: canvas.viewport.pixels() is not None and shares[-1] > SHARE)
         canvas.progress.disconnect(tell)
 
     def key(self, key: Qt.Key, held: Qt.KeyboardModifier = Qt.KeyboardModifier.NoModifier) -> None:
@@ -213,7 +220,7 @@ def disambiguate(artist: Artist) -> None:
     before = card.group.chosen
     assert before is not None and len(card.tiles) > 1, "there is nothing to choose from"
     artist.key(Qt.Key.Key_N)
-    wait_for(lambda: window.explaining.marked is not None or bool(window.bar.text), 240)
+    artist.wait(lambda: window.explaining.marked is not None)
     artist.shoot("where to dab next")
     artist.key(Qt.Key.Key_N)
     artist.key(Qt.Key.Key_M)
@@ -278,9 +285,7 @@ def send_to_review(artist: Artist, files: Files) -> None:
     artist.panel(panel_words.REVIEW_PANEL)
     panel = window.review_panel
     artist.click(panel.review_button)
-    wait_for(lambda: panel.verdict is not None or bool(window.bar.text), 300)
-    assert panel.verdict is not None, window.bar.text
-    wait_for(lambda: window.worker.is_idle, 300)
+    artist.wait(lambda: panel.review is not None and window.worker.is_idle)
     artist.shoot("review")
     head = panel.tree.topLevelItem(0)
     assert head is not None

@@ -30,7 +30,8 @@ class Bench:
     def __init__(self) -> None:
         make_application()
         self.worker = Worker()
-        self.let, self.running = {n: threading.Event() for n in "abc"}, list[str]()
+        self.let, self.begun = ({n: threading.Event() for n in "ab"} for _ in range(2))
+        self.running = list[str]()
         self.most, self.done, self.idle = 0, list[str](), list[bool]()
         self.worker.idle_changed.connect(self.idle.append)
 
@@ -40,6 +41,7 @@ class Bench:
 
     def _steps(self, name: str) -> Generator[Progress, None, None]:
         self.running.append(name)
+        self.begun[name].set()
         try:
             yield Progress("read", 0.0)
             assert self.let[name].wait(20)  # as a call that cannot be split
@@ -57,9 +59,7 @@ def test_what_begins_while_a_job_is_alone_waits_for_it(bench: Bench) -> None:
     bench.start("a", "open", is_alone=True)
     wait_for(lambda: bench.running == ["a"])
     bench.start("b", "solve")
-    for thread in threading.enumerate():
-        thread.join(0.05) if thread.name == "viewer-solve" else None
-    assert bench.running == ["a"]
+    assert not bench.begun["b"].wait(0.1) and bench.running == ["a"]
     bench.let["a"].set()
     wait_for(lambda: bench.running == ["b"])
     bench.let["b"].set()
