@@ -115,6 +115,7 @@ class Page:
 def opened(file: Path, folder: Path, size: tuple[int, int] = (1500, 1000)) -> Iterator[Page]:
     """Opens a file as a page; what it saves goes to `folder`."""
     profile = folder / "profile"
+    (profile / "DevToolsActivePort").unlink(missing_ok=True)  # of an earlier browser
     command = [
         find_browser(), "--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage", "--no-first-run",
         "--remote-debugging-port=0", f"--user-data-dir={profile}", f"--window-size={size[0]},{size[1]}",

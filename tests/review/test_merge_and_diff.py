@@ -102,6 +102,29 @@ def test_what_two_looks_say_otherwise(tmp_path: Path, run: Run) -> None:
     assert code == 0 and len(json.loads(said)["rows"]) == 2
 
 
+def test_the_command_line_writes_pages_and_pictures(floor: Shot, run: Run, tmp_path: Path) -> None:
+    home = Path(floor.path).parent
+    looks = [home / "grey.usda", home / "green.usda"]
+    for look, color in zip(looks, ((0.2, 0.2, 0.2), (0.1, 0.4, 0.1))):
+        author_look(floor.source, [change_of(floor.source, "/World/floor", "diffuse", color)], look)
+    small = ("--size", "32x18", "--frames", 1, "--elements", 300, "--turntable", 2, "--pictures")
+    page = tmp_path / "page.html"
+    code, said, err = run("review", floor.path, looks[0], "-o", page, *small, tmp_path / "pictures", "--json")
+    assert code == 0 and str(page) in err, err
+    found = json.loads(said)
+    jsonschema.validate(found, json.loads((schema_folder() / "review.schema.json").read_text()))
+    kinds = [v["kind"] for v in found["views"]]
+    assert kinds.count("turntable") == 2 and kinds.count("held out") == 2 and kinds[-1] == "light"
+    files = {p.name for p in (tmp_path / "pictures").iterdir()}
+    assert files == {
+        f"view_{i:02d}_{name}.{end}"
+        for i in range(len(kinds)) for name in ("before", "after", "difference") for end in ("exr", "png")
+    }  # fmt: skip
+    assert "Will it survive?" in page.read_text()
+    code, _, err = run("diff", floor.path, *looks, "-o", page, *small[:-1])
+    assert code == 0 and "green.usda" in page.read_text() and "Will it survive?" not in page.read_text(), err
+
+
 def test_a_comparison_has_one_look_on_each_side(floor: Shot) -> None:
     home = Path(floor.path).parent
     looks = [home / "red.usda", home / "blue.usda"]

@@ -179,12 +179,11 @@ function drawStrokes(context, v) {
     for (const [x, y, r] of stroke.dabs) {
       context.beginPath();
       context.arc(x * width, y * height, Math.max(1.5, r * width), 0, 2 * Math.PI);
-      context.lineWidth = 2.5;
-      context.strokeStyle = "rgba(0, 0, 0, .55)";
-      context.stroke();
-      context.lineWidth = 1.2;
-      context.strokeStyle = stroke.target_color || "#fff";
-      context.stroke();
+      for (const [line, color] of [[3.4, "rgba(0, 0, 0, .5)"], [2.4, "rgba(255, 255, 255, .8)"], [1.2, stroke.target_color || "#fff"]]) {
+        context.lineWidth = line; // seen on dark and on bright
+        context.strokeStyle = color;
+        context.stroke();
+      }
     }
   }
 }
