@@ -17,7 +17,7 @@ from pxr import Sdf, Usd
 from usdslf.edits.baked_texture import Baked
 from usdslf.errors import InputError
 from usdslf.textures.images import write_image
-from usdslf.usd.review.accept import Wish, accept_look
+from usdslf.usd.review.accept import Wish, accept_look, shared_strokes
 from usdslf.usd.review.review import review_look
 from usdslf.usd.review.toggle import toggle
 
@@ -97,6 +97,21 @@ def test_a_stroke_that_asks_with_another_stays_and_that_is_said(folder: Path) ->
         folder / "shot.usda", folder / "look.usda", folder / "accepted.usda", Wish(but=("stroke_0001", "stroke_0002"))
     )
     assert set(done.left_out) == {f"{RED}.inputs:diffuseColor", f"{RED}.inputs:roughness"}
+
+
+def test_strokes_that_only_another_solve_can_leave_out_are_named(folder: Path) -> None:
+    def left(**wish: tuple[str, ...]) -> list[tuple[str, tuple[str, ...]]]:
+        found = shared_strokes(folder / "shot.usda", folder / "look.usda", Wish(**wish))
+        return [(x.stroke, x.others) for x in found]
+
+    one, two = "/SlfStrokes/stroke_0001", "/SlfStrokes/stroke_0002"
+    assert left(but=("stroke_0001",)) == left(only=("stroke_0002",)) == [(one, (two,))]
+    assert left(but=("stroke_0001", "/World/other")) == [(one, (two,))]  # one gprim of two
+    for wish in ({}, {"only": (RED,)}, {"but": ("stroke_0001", RED)}, {"but": ("stroke_0001", "stroke_0002")}):
+        assert left(**wish) == []
+    assert left(but=("stroke_0003",)) == []
+    with pytest.raises(InputError, match="nothing for stroke_0009"):
+        left(but=("stroke_0009",))
 
 
 def test_one_gprim_of_two_that_share_a_material(folder: Path) -> None:

@@ -153,7 +153,12 @@ def shared_strokes(
     layer = open_look(look)
     stage, _ = over_its_shot(shot, look)
     with quiet_usd():
-        return Parts.of(layer, _shown(stage, layer)).shared_strokes(wish.names, not wish.only)
+        parts = Parts.of(layer, _shown(stage, layer))
+    for name in wish.names:
+        parts.named(name)
+    # A material that is rejected for one gprim is left on others.
+    names = {name: keep for name, keep in wish.names.items() if keep or name not in parts.gprims}
+    return parts.shared_strokes(names, not wish.only)
 
 
 def _choose(layer: Sdf.Layer, choose: Mapping[str, str]) -> list[str]:
