@@ -107,7 +107,7 @@ def test_the_command_line_writes_pages_and_pictures(floor: Shot, run: Run, tmp_p
     looks = [home / "grey.usda", home / "green.usda"]
     for look, color in zip(looks, ((0.2, 0.2, 0.2), (0.1, 0.4, 0.1))):
         author_look(floor.source, [change_of(floor.source, "/World/floor", "diffuse", color)], look)
-    small = ("--size", "32x18", "--frames", 1, "--elements", 300, "--turntable", 2, "--pictures")
+    small = ("--size", "32x18", "--frames", 1, "--elements", 64, "--bounces", 1, "--turntable", 2, "--pictures")
     page = tmp_path / "page.html"
     code, said, err = run("review", floor.path, looks[0], "-o", page, *small, tmp_path / "pictures", "--json")
     assert code == 0 and str(page) in err, err
@@ -121,7 +121,7 @@ def test_the_command_line_writes_pages_and_pictures(floor: Shot, run: Run, tmp_p
         for i in range(len(kinds)) for name in ("before", "after", "difference") for end in ("exr", "png")
     }  # fmt: skip
     assert "Will it survive?" in page.read_text()
-    code, _, err = run("diff", floor.path, *looks, "-o", page, *small[:-1])
+    code, _, err = run("diff", floor.path, *looks, "-o", page, *small[:-3])
     assert code == 0 and "green.usda" in page.read_text() and "Will it survive?" not in page.read_text(), err
 
 
