@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -57,3 +59,9 @@ def test_a_stage_after_layers_is_a_stage(stage: str, tmp_path: Path, run: Run) -
     code, out, err = run("render", "-o", tmp_path / "a.exr", "--aov", "albedo", "depth", stage)
     assert (code, out) == (2, "")
     assert stage in err and "AOV" not in err and "argument" not in err
+
+
+def test_the_list_of_commands_waits_for_no_arrays() -> None:
+    code = "import sys, usdslf.cli.main; print({'numpy', 'pxr', 'pyopencl', 'scipy'} & sys.modules.keys())"
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert run.stdout.strip() == "set()"

@@ -11,7 +11,7 @@ import click
 import usdslf
 from usdslf.cli.program import Settings, gathered
 from usdslf.lights.missing_dome import MISSING_DOME, with_missing_domes
-from usdslf.surfaces.reflectance import MODELS
+from usdslf.surfaces.models import MODEL_NAMES
 
 if TYPE_CHECKING:
     from usdslf.progress import Say
@@ -68,7 +68,7 @@ def lighting_options(make_preview: str) -> Any:
     def add(command: Any) -> Any:
         command = _frame(_refine(_missing_dome(gathered("shot", Lighting)(command))))
         command = click.option(
-            "--model", type=click.Choice(list(MODELS)), default=next(iter(MODELS)), show_default=True,
+            "--model", type=click.Choice(list(MODEL_NAMES)), default=MODEL_NAMES[0], show_default=True,
             help="How surfaces reflect: as UsdPreviewSurface, or the Phong of the paper, to be compared with it.",
         )(command)  # fmt: skip
         command = click.option("--make-preview", is_flag=True, help=make_preview)(command)

@@ -10,8 +10,10 @@ picture is a white dome that blows out the shot, which is what the colour alone 
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
-from usdslf.scene.records import Light, Scene
+if TYPE_CHECKING:
+    from usdslf.scene.records import Light, Scene
 
 MISSING_DOME = ("color", "white", "ignore")  # the dome's own colour and intensity | radiance 1 | no light at all
 _OTHERWISE = "--missing-dome ignore leaves it out, white makes its radiance 1"

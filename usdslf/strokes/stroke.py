@@ -22,12 +22,7 @@ from numpy.typing import NDArray
 
 from usdslf.errors import StrokeError
 from usdslf.scene.records import F32, I32
-
-TOOLS = ("replace", "clone", "brighten", "darken", "blur", "sharpen", "fixate")
-MODES = ("direct", "indirect")
-SPACES = ("scene", "reflectance")
-NORMS = ("l2", "l0", "mixed")
-SCOPES = ("stroke", "prim", "material", "similar")
+from usdslf.strokes.words import MODES, NORMS, SCOPES, SPACES, TOOLS
 
 
 @dataclass(frozen=True)

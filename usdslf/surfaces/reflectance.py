@@ -25,6 +25,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from usdslf.errors import InputError
+from usdslf.surfaces.models import PHONG, PREVIEW_SURFACE
 
 F64 = NDArray[np.float64]
 
@@ -143,7 +144,7 @@ class Reflectance(ABC):
 class PreviewSurface(Reflectance):
     """UsdPreviewSurface: GGX, height-correlated Smith, Schlick's ramp, OpenUSD's diffuse balance."""
 
-    name, number = "preview_surface", 0
+    name, number = PREVIEW_SURFACE, 0
 
     def lobe_parameter(self, roughness: ArrayLike) -> F64:
         return np.maximum(np.asarray(roughness, np.float64), MIN_ROUGHNESS) ** 2
@@ -189,7 +190,7 @@ class PreviewSurface(Reflectance):
 class Phong(Reflectance):
     """The paper's model, normalized (Lafortune and Willems 1994): k_d = d, k_s = F0, no Fresnel ramp, no coat."""
 
-    name, number = "phong", 1
+    name, number = PHONG, 1
     has_fresnel = has_coat = is_authored = False
 
     def gloss_levels(self) -> F64:

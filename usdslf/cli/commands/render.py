@@ -13,7 +13,6 @@ from usdslf.cli.program import Command, Settings, Several, gathered, settings
 from usdslf.cli.shot_options import Lighting, lighting_options
 from usdslf.cli.terminal import progress, say_missing, warn
 from usdslf.errors import StrokeError
-from usdslf.strokes.stroke import frame_of
 
 if TYPE_CHECKING:
     from usdslf.scene.records import F32, Camera
@@ -95,6 +94,7 @@ def render(settings: Settings, stage: str, shot: Lighting, picture: Picture, abo
     """A picture of direct and indirect light."""
     from usdslf.outputs import SIMILARITY, check_picture, write_picture
     from usdslf.scene.cameras import film_size
+    from usdslf.strokes.stroke import frame_of
     from usdslf.usd.edited import open_edited
     from usdslf.usd.review.validate import validate
 

@@ -11,7 +11,7 @@ from usdslf.cli.look_options import LookFiles, look_options, write_look
 from usdslf.cli.parameters import ChoiceWeights, Choose, Similarity
 from usdslf.cli.program import Command, Settings, gathered, settings
 from usdslf.cli.shot_options import Lighting, lighting_options
-from usdslf.strokes.stroke import NORMS, frame_of
+from usdslf.strokes.words import NORMS
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -82,6 +82,7 @@ def solve(
     """Find the smallest material change that explains the strokes, and write it as a look layer."""
     from usdslf.inference.weights import Options
     from usdslf.similarity import similarity
+    from usdslf.strokes.stroke import frame_of
     from usdslf.usd.stroke_layer import read_strokes
 
     if directions != DIRECTIONS:

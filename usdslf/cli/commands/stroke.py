@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import click
-import numpy as np
 
 import usdslf
 from usdslf.cli.parameters import Color3, Offset, Path2D, Size
@@ -14,7 +13,7 @@ from usdslf.cli.program import Command, Settings, gathered, settings
 from usdslf.cli.shot_options import Reading, reading_options
 from usdslf.cli.terminal import warn
 from usdslf.replacing import is_file
-from usdslf.strokes.stroke import MODES, NORMS, SCOPES, SPACES, TOOLS, next_name
+from usdslf.strokes.words import MODES, NORMS, SCOPES, SPACES, TOOLS
 
 if TYPE_CHECKING:
     from usdslf.scene.records import Camera
@@ -128,6 +127,7 @@ def stroke(
 ) -> None:
     """Paint a stroke into a stroke layer; prints the path of its prim."""
     from usdslf.strokes.colors import paint_color, paint_image
+    from usdslf.strokes.stroke import next_name
     from usdslf.usd.stroke_layer import read_strokes, write_strokes
 
     given = (paint.color is not None) + (paint.image is not None)
@@ -139,7 +139,7 @@ def stroke(
     heard: list[str] = []
     earlier = read_strokes(strokes, heard) if is_file(strokes) else []
     space, scene = paint.color_space, session.scene
-    one = paint_color(paint.color, space, scene, heard) if paint.color else np.ones(3, np.float32)
+    one = paint_color(paint.color, space, scene, heard) if paint.color else (1.0, 1.0, 1.0)
     many = paint_image(paint.image, space, scene, heard) if paint.image else None
     camera, aspect = session.camera(placing.camera), placing.size[0] / placing.size[1] if placing.size else None
     if aspect is None and many is not None:

@@ -9,7 +9,7 @@ import click
 from usdslf.cli.look_options import LookFiles, look_options, write_look
 from usdslf.cli.program import Command, Settings, settings
 from usdslf.cli.shot_options import Lighting, lighting_options
-from usdslf.strokes.stroke import NORMS
+from usdslf.strokes.words import NORMS
 
 if TYPE_CHECKING:
     from usdslf.session import Session
