@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from usdslf.errors import DeviceError, KernelBuildError, MemoryError_
+from usdslf.gpu.pages import LARGE, pages_of_zeros
 from usdslf.gpu.pocl_target import name_processor
 from usdslf.gpu.source import kernel_source
 
@@ -89,9 +90,13 @@ class Device:
         try:
             if host.size == 0:
                 return cla.zeros(self.queue, (1,), host.dtype)
-            return cla.to_device(self.queue, host)
+            if host.nbytes < LARGE:
+                return cla.to_device(self.queue, host)
+            array_d = self._made(host.shape, host.dtype)
+            array_d.set(host, self.queue)
         except cl.Error as error:
             raise _device_error(error, f"an array of {host.nbytes} bytes") from error
+        return array_d
 
     def put(self, array_d: Any, first: int, rows: NDArray) -> None:
         """Copies rows (n, ...) of the host to those of an array on the device from `first` on."""
@@ -102,16 +107,27 @@ class Device:
     def empty(self, shape: tuple[int, ...], dtype: Any) -> Any:
         """Makes an array with no defined content on the device."""
         try:
-            return cla.empty(self.queue, shape, dtype)
+            return self._made(shape, dtype)
         except cl.Error as error:
             raise _device_error(error, f"an array of shape {shape}") from error
 
     def zeros(self, shape: tuple[int, ...], dtype: Any) -> Any:
         """Makes an array of zeros on the device."""
         try:
+            if self.has_host_memory:
+                return self._made(shape, dtype, is_clean=True)
             return cla.zeros(self.queue, shape, dtype)
         except cl.Error as error:
             raise _device_error(error, f"an array of shape {shape}") from error
+
+    def _made(self, shape: tuple[int, ...], dtype: Any, is_clean: bool = False) -> Any:
+        """An array, in large pages where the device works in the host's memory; clean ones are of zeros there."""
+        size = int(np.prod(shape)) * np.dtype(dtype).itemsize
+        if not self.has_host_memory or (size < LARGE and not is_clean):
+            return cla.empty(self.queue, shape, dtype)
+        how = cl.mem_flags.READ_WRITE | cl.mem_flags.USE_HOST_PTR
+        host = np.frombuffer(pages_of_zeros(max(size, 1)), np.uint8)
+        return cla.Array(self.queue, shape, dtype, data=cl.Buffer(self.context, how, hostbuf=host))
 
     def clear(self, array_d: Any) -> None:
         """Fills an array of the device with zeros; safe on several threads, as an array's own `fill` is not."""
@@ -122,6 +138,12 @@ class Device:
         """Copies an array of the device, or a shared one, to another one of its size."""
         target, source = (a.base_data if isinstance(a, cla.Array) else a.buffer for a in (target_d, source_d))
         cl.enqueue_copy(self.queue, target, source)
+
+    def copied(self, array_d: Any) -> Any:
+        """Returns another array of the device with the same content."""
+        other_d = self.empty(array_d.shape, array_d.dtype)
+        cl.enqueue_copy(self.queue, other_d.base_data, array_d.base_data)
+        return other_d
 
     def download(self, array_d: Any) -> NDArray:
         """Copies an array of the device to the host, after all that was enqueued before."""

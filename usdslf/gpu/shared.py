@@ -16,6 +16,7 @@ import pyopencl as cl
 from numpy.typing import DTypeLike, NDArray
 
 from usdslf.gpu.device import Device
+from usdslf.gpu.pages import pages_of_zeros
 
 SPARE_BYTES = 1 << 30  # kept for arrays to come, at most
 STEPS = 8  # sizes between one power of two and the next that memory is given in
@@ -58,7 +59,7 @@ class Shared:
 
     def _made(self, device: Device, size: int) -> _Piece:
         """Pages of zeros, aligned to one: what a device needs to take the memory as it is."""
-        memory = mmap.mmap(-1, size)
+        memory = pages_of_zeros(size)
         how = cl.mem_flags.USE_HOST_PTR if self._is_same else cl.mem_flags.COPY_HOST_PTR
         host = np.frombuffer(memory, np.uint8)
         return size, memory, cl.Buffer(device.context, cl.mem_flags.READ_WRITE | how, hostbuf=host)
