@@ -17,17 +17,17 @@
 #if HALF_LIGHT
 typedef half light_t;
 #define load_light(rows, i) vload_half3(i, rows)
+#define load_light4(from) vload_half4(0, from)
 #define load_light16(from) vload_half16(0, from)
 #define store_light(v, rows, i) vstore_half3(v, i, rows)
-#define store_light16(v, to) vstore_half16(v, 0, to)
-#define add_light(v, rows, i) vstore_half(vload_half(i, rows) + (v), i, rows)
+#define store_light4(v, to) vstore_half4(v, 0, to)
 #else
 typedef float light_t;
 #define load_light(rows, i) vload3(i, rows)
+#define load_light4(from) vload4(0, from)
 #define load_light16(from) vload16(0, from)
 #define store_light(v, rows, i) vstore3(v, i, rows)
-#define store_light16(v, to) vstore16(v, 0, to)
-#define add_light(v, rows, i) ((rows)[i] += (v))
+#define store_light4(v, to) vstore4(v, 0, to)
 #endif
 
 inline float3 load3(__global const float *rows, size_t i) { return vload3(i, rows); }

@@ -75,15 +75,17 @@ __kernel void irradiance(__global const float16 *light, __global const float *co
     e_pi[block * 3 + c] = sum;
 }
 
-inline void add_to(__global light_t *outgoing, __global const int *order, int at, int d, const float16 *v)
+inline void put_lanes(__global light_t *outgoing, __global const int *order, int at, int d, int adds, const float16 *v)
 {
     float rgb[3][LANES];
     for (int c = 0; c < 3; c++) vstore16(v[c], 0, rgb[c]);
     for (int lane = 0; lane < LANES; lane++) {
         int e = order[at + lane];
         if (e < 0) continue;
-        size_t to = ((size_t)e * D_BINS + d) * 3;
-        for (int c = 0; c < 3; c++) add_light(rgb[c][lane], outgoing, to + c);
+        size_t to = (size_t)e * D_BINS + d;
+        float3 sum = (float3)(rgb[0][lane], rgb[1][lane], rgb[2][lane]);
+        if (adds) sum += load_light(outgoing, to);
+        store_light(sum, outgoing, to);
     }
 }
 
@@ -95,53 +97,115 @@ inline void add_to(__global light_t *outgoing, __global const int *order, int at
 #define ODD (ALIKE + OPPOSITE) /* first of those that are odd under both flips */
 #define EVEN_ODD (2 * ODD)
 #define ODD_EVEN (2 * ODD + CELLS)
-#define COLUMNS (LOBE ? 3 : 1) /* Y, A, B */
+/* lobes of a block, two where its elements lie between two levels: rough ones in coarse bins, sharp ones in fine bins */
+#ifndef ROUGH
+#define ROUGH 0
+#endif
+#ifndef SHARP
+#define SHARP 0
+#endif
+#define COLUMNS (1 + 2 * ROUGH)              /* Y, and A, B of each rough lobe */
+#define PARAMETERS (6 + 6 * (ROUGH + SHARP)) /* dx, dy, then F0, F90 of the share of each lobe, sharp ones first */
 
 inline int alike_of(int y, int x) { return y * H - y * (y - 1) / 2 + x - y; }                /* y <= x */
 inline int opposite_of(int y, int x) { return y * (H - 1) - y * (y - 1) / 2 + x - y - 1; } /* y < x */
 inline int folded_bin(int y, int x, int low, int left) { return (low ? 2 * H - 1 - y : y) * 2 * H + (left ? 2 * H - 1 - x : x); }
+inline int fine_bin(int q, int k) { return ((q / (SIDE / 2)) * 2 + k / 2) * SIDE + (q % (SIDE / 2)) * 2 + k % 2; }
 
-/* light into the basis
- * coarse  (blocks, Q, 3) float16
- * folded  (blocks, Q, 3) float16: result
+/* light arriving at a block's elements, in the basis; one work-item a cell and the one across the diagonal
+ * cosine    (D) cosines of the bins, scaled to the sum 1
+ * folded    (blocks, Q, 3) float16: result
+ * e_part    (blocks, ALIKE, 3) float16: result, parts of the irradiance over pi
+ * light     (blocks, D, 3) float16: result, where there are sharp lobes
+ * others as of gather
  */
-__kernel void fold(__global const float16 *coarse, __global float16 *folded)
+__kernel void gather_folded(__global const int *order, __global const uint *hit, __global const light_t *fixed,
+                            __global const light_t *outgoing, __global const float *cosine, const int first_block,
+                            __global float16 *folded, __global float16 *e_part, __global float16 *light)
 {
-    int cell = get_global_id(0), block = get_global_id(1);
-    if (cell >= CELLS) return;
-    int y = cell / H, x = cell % H;
-    __global const float16 *from = coarse + (size_t)block * Q_BINS * 3;
+    int item = get_global_id(0), block = get_global_id(1);
+    if (item >= ALIKE) return;
+    int y = 0, x = item;
+    while (x >= H - y) { x -= H - y; y++; }
+    x += y;
     __global float16 *to = folded + (size_t)block * Q_BINS * 3;
-    for (int c = 0; c < 3; c++) {
-        float16 v[2][2]; /* low, left */
-        for (int k = 0; k < 4; k++) v[k / 2][k % 2] = from[folded_bin(y, x, k / 2, k % 2) * 3 + c];
-        to[(EVEN_ODD + cell) * 3 + c] = v[0][0] + v[1][0] - v[0][1] - v[1][1];
-        to[(ODD_EVEN + x * H + y) * 3 + c] = v[0][0] + v[0][1] - v[1][0] - v[1][1];
-        if (y > x) continue;
-        float16 even = v[0][0] + v[0][1] + v[1][0] + v[1][1], odd = v[0][0] - v[0][1] - v[1][0] + v[1][1];
-        if (y < x) { /* with the cell across the diagonal */
-            for (int k = 0; k < 4; k++) v[k / 2][k % 2] = from[folded_bin(x, y, k / 2, k % 2) * 3 + c];
-            float16 even_2 = v[0][0] + v[0][1] + v[1][0] + v[1][1], odd_2 = v[0][0] - v[0][1] - v[1][0] + v[1][1];
-            to[(ALIKE + opposite_of(y, x)) * 3 + c] = even - even_2;
-            to[(ODD + ALIKE + opposite_of(y, x)) * 3 + c] = odd - odd_2;
-            even += even_2;
-            odd += odd_2;
+    __global const int *elements = order + (first_block + block) * LANES;
+    float16 even[2][3], odd[2][3], e_pi[3];
+    for (int c = 0; c < 3; c++) e_pi[c] = 0.0f;
+    for (int side = 0; side < (y < x ? 2 : 1); side++) {
+        int cy = side ? x : y, cx = side ? y : x;
+        float16 v[4][3];
+        for (int k = 0; k < 4; k++) {
+            int q = folded_bin(cy, cx, k / 2, k % 2);
+            float16 sum[3];
+            for (int c = 0; c < 3; c++) sum[c] = 0.0f;
+            for (int m = 0; m < 4; m++) {
+                int d = fine_bin(q, m);
+                /* without branches, so that many reads are under way at once; lanes of none read the first bin, times zero */
+                float rgb[3][LANES], share[LANES], there[LANES];
+                size_t at[LANES], from[LANES];
+                for (int lane = 0; lane < LANES; lane++) {
+                    int e = elements[lane];
+                    there[lane] = e >= 0 ? 1.0f : 0.0f;
+                    at[lane] = (size_t)(STREAMED ? block * LANES + lane : e >= 0 ? e : 0) * D_BINS + d;
+                }
+                for (int lane = 0; lane < LANES; lane++) {
+                    uint h = hit[at[lane]];
+                    share[lane] = IS_LINK(h) ? there[lane] : 0.0f;
+                    from[lane] = IS_LINK(h) ? h : 0;
+                }
+                for (int lane = 0; lane < LANES; lane++) {
+                    float3 v = there[lane] * load_light(fixed, at[lane]) + share[lane] * load_light(outgoing, from[lane]);
+                    rgb[0][lane] = v.x; rgb[1][lane] = v.y; rgb[2][lane] = v.z;
+                }
+                for (int c = 0; c < 3; c++) {
+                    float16 a = vload16(0, rgb[c]);
+                    sum[c] += a;
+                    e_pi[c] += cosine[d] * a;
+#if SHARP
+                    light[((size_t)block * D_BINS + d) * 3 + c] = a;
+#endif
+                }
+            }
+            for (int c = 0; c < 3; c++) v[k][c] = 0.25f * sum[c];
         }
-        to[alike_of(y, x) * 3 + c] = even;
-        to[(ODD + alike_of(y, x)) * 3 + c] = odd;
+        for (int c = 0; c < 3; c++) {
+            to[(EVEN_ODD + cy * H + cx) * 3 + c] = v[0][c] + v[2][c] - v[1][c] - v[3][c];
+            to[(ODD_EVEN + cx * H + cy) * 3 + c] = v[0][c] + v[1][c] - v[2][c] - v[3][c];
+            even[side][c] = v[0][c] + v[1][c] + v[2][c] + v[3][c];
+            odd[side][c] = v[0][c] - v[1][c] - v[2][c] + v[3][c];
+        }
+    }
+    for (int c = 0; c < 3; c++) {
+        if (y < x) {
+            to[(ALIKE + opposite_of(y, x)) * 3 + c] = even[0][c] - even[1][c];
+            to[(ODD + ALIKE + opposite_of(y, x)) * 3 + c] = odd[0][c] - odd[1][c];
+            even[0][c] += even[1][c];
+            odd[0][c] += odd[1][c];
+        }
+        to[item * 3 + c] = even[0][c];
+        to[(ODD + item) * 3 + c] = odd[0][c];
+        e_part[((size_t)block * ALIKE + item) * 3 + c] = e_pi[c];
     }
 }
 
-/* the columns Y, and with LOBE A and B of a rough lobe, in the basis
+/* the columns Y, and A and B of rough lobes, in the basis
  * folded   (blocks, Q, 3) float16
- * y, a, b  blocks of the matrices one after another, row by row
+ * y, a, b  blocks of the matrices one after another, row by row; a_2, b_2 of the second rough lobe
+ * e_part   (blocks, ALIKE, 3) float16; e_pi (blocks, 3) float16: result, their sum, the irradiance over pi
  * answer   (blocks, Q, COLUMNS, 3) float16: result
  */
 __kernel void reflect_folded(__global const float16 *folded, __global const float *y, __global const float *a,
-                             __global const float *b, __global float16 *answer)
+                             __global const float *b, __global const float *a_2, __global const float *b_2,
+                             __global const float16 *e_part, __global float16 *e_pi, __global float16 *answer)
 {
     int q = get_global_id(0), block = get_global_id(1);
     if (q >= Q_BINS) return;
+    if (q < 3) {
+        float16 all = 0.0f;
+        for (int k = 0; k < ALIKE; k++) all += e_part[((size_t)block * ALIKE + k) * 3 + q];
+        e_pi[block * 3 + q] = all;
+    }
     int size = CELLS, first = q < ODD_EVEN ? EVEN_ODD : ODD_EVEN, matrix = 2 * (ALIKE * ALIKE + OPPOSITE * OPPOSITE);
     if (q < EVEN_ODD) {
         int odd = q >= ODD, opposite = q - odd * ODD >= ALIKE;
@@ -151,44 +215,64 @@ __kernel void reflect_folded(__global const float16 *folded, __global const floa
     }
     __global const float16 *light = folded + ((size_t)block * Q_BINS + first) * 3;
     matrix += (q - first) * size;
-    float16 ys[3] = {0.0f, 0.0f, 0.0f};
-#if LOBE
-    float16 as[3] = {0.0f, 0.0f, 0.0f}, bs[3] = {0.0f, 0.0f, 0.0f};
-#endif
+    float16 sum[COLUMNS][3];
+    for (int k = 0; k < COLUMNS; k++) for (int c = 0; c < 3; c++) sum[k][c] = 0.0f;
     for (int k = 0; k < size; k++) {
-        float wy = y[matrix + k];
-        float16 r = light[k * 3], g = light[k * 3 + 1], bl = light[k * 3 + 2];
-        ys[0] += wy * r; ys[1] += wy * g; ys[2] += wy * bl;
-#if LOBE
-        float wa = a[matrix + k], wb = b[matrix + k];
-        as[0] += wa * r; as[1] += wa * g; as[2] += wa * bl;
-        bs[0] += wb * r; bs[1] += wb * g; bs[2] += wb * bl;
+        float16 r[3] = {light[k * 3], light[k * 3 + 1], light[k * 3 + 2]};
+        float w[COLUMNS];
+        w[0] = y[matrix + k];
+#if ROUGH
+        w[1] = a[matrix + k]; w[2] = b[matrix + k];
 #endif
+#if ROUGH > 1
+        w[3] = a_2[matrix + k]; w[4] = b_2[matrix + k];
+#endif
+        for (int n = 0; n < COLUMNS; n++) for (int c = 0; c < 3; c++) sum[n][c] += w[n] * r[c];
     }
     __global float16 *to = answer + ((size_t)block * Q_BINS + q) * COLUMNS * 3;
+    for (int n = 0; n < COLUMNS; n++) for (int c = 0; c < 3; c++) to[n * 3 + c] = sum[n][c];
+}
+
+/* one sharp lobe from the largest weights of each row
+ * light       (blocks, D, 3) float16
+ * first       (D + 1) rows of tap, a, b
+ * number      of the lobe among those of a block; the first one writes, another adds
+ * parameters  (blocks, PARAMETERS) float16, of three channels each
+ * sharp       (blocks, D, 3) float16: result
+ */
+__kernel void reflect_sharp(__global const float16 *light, __global const int *first, __global const ushort *tap,
+                            __global const float *a, __global const float *b, __global const float16 *parameters,
+                            const int first_block, const int number, __global float16 *sharp)
+{
+    int d = get_global_id(0), block = get_global_id(1);
+    if (d >= D_BINS) return;
+    float16 as[3], bs[3];
+    sharp_row(light + (size_t)block * D_BINS * 3, first[d], first[d + 1], tap, a, b, as, bs);
+    __global const float16 *p = parameters + (size_t)(first_block + block) * PARAMETERS + 6 + 6 * number;
+    __global float16 *to = sharp + ((size_t)block * D_BINS + d) * 3;
     for (int c = 0; c < 3; c++) {
-        to[c] = ys[c];
-#if LOBE
-        to[3 + c] = as[c];
-        to[6 + c] = bs[c];
-#endif
+        float16 v = p[c] * as[c] + p[3 + c] * bs[c];
+        to[c] = number ? to[c] + v : v;
     }
 }
 
-/* diffuse reflection, and with LOBE a rough lobe too, from the basis to the bins
- * answer      (blocks, Q, COLUMNS, 3) float16
+/* what elements send out, from the basis to the bins
+ * answer      (blocks, Q, COLUMNS, 3) float16; sharp (blocks, D, 3) float16
  * e_pi        (blocks, 3) float16
- * y_scale     (D); lobe_scale (D, 2): coarse to fine albedo
- * parameters  (blocks, 12) float16: dx, dy, F0, F90, each of three channels
- * outgoing    (N, D, 3): added to
+ * y_scale     (D); lobe_scale, lobe_scale_2 (D, 2): coarse to fine albedo
+ * parameters  (blocks, PARAMETERS) float16
+ * emission    (N, 3)
+ * adds        to what is there; else that is emission
+ * outgoing    (N, D, 3): rows of the blocks' elements are written
  */
-__kernel void unfold(__global const float16 *answer, __global const float16 *e_pi, __global const float *y_scale,
-                     __global const float2 *lobe_scale, __global const float16 *parameters, __global const int *order,
-                     const int first_block, __global light_t *outgoing)
+__kernel void unfold(__global const float16 *answer, __global const float16 *sharp, __global const float16 *e_pi,
+                     __global const float *y_scale, __global const float2 *lobe_scale, __global const float2 *lobe_scale_2,
+                     __global const float16 *parameters, __global const float *emission, __global const int *order,
+                     const int first_block, const int adds, __global light_t *outgoing)
 {
     int cell = get_global_id(0), block = get_global_id(1);
     if (cell >= CELLS) return;
-    int y = cell / H, x = cell % H, low_y = min(y, x), high_x = max(y, x);
+    int y = cell / H, x = cell % H, low_y = min(y, x), high_x = max(y, x), at = (first_block + block) * LANES;
     int alike = alike_of(low_y, high_x), opposite = ALIKE + (y == x ? 0 : opposite_of(low_y, high_x));
     float sign = y < x ? 1.0f : y > x ? -1.0f : 0.0f;
     __global const float16 *from = answer + (size_t)block * Q_BINS * COLUMNS * 3;
@@ -203,39 +287,32 @@ __kernel void unfold(__global const float16 *answer, __global const float16 *e_p
         coarse[2][c] = even - odd + across - down;
         coarse[3][c] = even + odd - across - down;
     }
-    __global const float16 *p = parameters + (size_t)(first_block + block) * 12;
+    __global const float16 *p = parameters + (size_t)(first_block + block) * PARAMETERS;
+    float glow[3][LANES];
+    for (int lane = 0; lane < LANES; lane++) {
+        int e = order[at + lane];
+        float3 g = adds || e < 0 ? (float3)(0.0f) : load3(emission, e);
+        glow[0][lane] = g.x; glow[1][lane] = g.y; glow[2][lane] = g.z;
+    }
     for (int k = 0; k < 16; k++) {
-        int q = folded_bin(y, x, k / 8, k / 4 % 2);
-        int d = ((q / (SIDE / 2)) * 2 + k / 2 % 2) * SIDE + (q % (SIDE / 2)) * 2 + k % 2;
+        int d = fine_bin(folded_bin(y, x, k / 8, k / 4 % 2), k % 4);
         float16 v[3];
         for (int c = 0; c < 3; c++) {
             float16 yv = coarse[k / 4][c] * y_scale[d];
-            v[c] = p[c] * (e_pi[block * 3 + c] - yv) + p[3 + c] * yv;
-#if LOBE
-            v[c] += p[6 + c] * coarse[k / 4][3 + c] * lobe_scale[d].x + p[9 + c] * coarse[k / 4][6 + c] * lobe_scale[d].y;
+            v[c] = vload16(0, glow[c]) + p[c] * (e_pi[block * 3 + c] - yv) + p[3 + c] * yv;
+#if SHARP
+            v[c] += sharp[((size_t)block * D_BINS + d) * 3 + c];
+#endif
+#if ROUGH
+            __global const float16 *of = p + 6 + 6 * SHARP;
+            v[c] += of[c] * coarse[k / 4][3 + c] * lobe_scale[d].x + of[3 + c] * coarse[k / 4][6 + c] * lobe_scale[d].y;
+#endif
+#if ROUGH > 1
+            v[c] += of[6 + c] * coarse[k / 4][9 + c] * lobe_scale_2[d].x + of[9 + c] * coarse[k / 4][12 + c] * lobe_scale_2[d].y;
 #endif
         }
-        add_to(outgoing, order, (first_block + block) * LANES, d, v);
+        put_lanes(outgoing, order, at, d, adds, v);
     }
-}
-
-/* a sharp lobe from the largest weights of each row
- * light       (blocks, D, 3) float16
- * first       (D + 1) rows of tap, a, b
- * others as above
- */
-__kernel void reflect_sharp(__global const float16 *light, __global const int *first, __global const ushort *tap,
-                            __global const float *a, __global const float *b, __global const float16 *parameters,
-                            __global const int *order, const int first_block, __global light_t *outgoing)
-{
-    int d = get_global_id(0), block = get_global_id(1);
-    if (d >= D_BINS) return;
-    float16 as[3], bs[3];
-    sharp_row(light + (size_t)block * D_BINS * 3, first[d], first[d + 1], tap, a, b, as, bs);
-    __global const float16 *p = parameters + (size_t)(first_block + block) * 12;
-    float16 v[3];
-    for (int c = 0; c < 3; c++) v[c] = p[6 + c] * as[c] + p[9 + c] * bs[c];
-    add_to(outgoing, order, (first_block + block) * LANES, d, v);
 }
 
 inline float sum_lanes(float16 v)
@@ -243,16 +320,6 @@ inline float sum_lanes(float16 v)
     float8 a = v.lo + v.hi;
     float4 b = a.lo + a.hi;
     return b.x + b.y + b.z + b.w;
-}
-
-/* every bin of an element starts from what it emits
- * emission (N, 3); outgoing (N, D, 3): result; count = N * D
- */
-__kernel void emit(__global const float *emission, const uint count, __global light_t *outgoing)
-{
-    uint i = get_global_id(0);
-    if (i >= count) return;
-    store_light(load3(emission, i / D_BINS), outgoing, i);
 }
 
 /* what elements emit more, or less, in every bin
@@ -299,4 +366,18 @@ __kernel void sum_of_elements(__global const light_t *outgoing, const uint count
     float16 all = 0.0f;
     for (int k = 0; k < D_BINS * 3; k += 16) all += fabs(load_light16(of + k));
     sum[e] = sum_lanes(all);
+}
+
+/* rows of a light field as they were
+ * rows    (r) elements
+ * count   r * D
+ * before  (N, D, 3); outgoing (N, D, 3): rows are written
+ */
+__kernel void put_back(__global const int *rows, const uint count, __global const light_t *before,
+                       __global light_t *outgoing)
+{
+    uint i = get_global_id(0);
+    if (i >= count) return;
+    size_t at = (size_t)rows[i / D_BINS] * D_BINS + i % D_BINS;
+    store_light(load_light(before, at), outgoing, at);
 }

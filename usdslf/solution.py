@@ -259,7 +259,13 @@ class _Found:
 
 def _answers(shot: Shot, light: LightField, painted: list[Painted], s: Settings, said: list[str]) -> _Found:
     """The answers, and the residuals of those by phong as UsdPreviewSurface shows them; work on light of their own."""
-    field, left = light.with_surface(light.surface), list[float]()
+    with light.lent() as field:
+        return _answers_in(shot, field, painted, s, said)
+
+
+def _answers_in(shot: Shot, field: LightField, painted: list[Painted], s: Settings, said: list[str]) -> _Found:
+    """The same on a light field that changes."""
+    left = list[float]()
     bounces, choose = s.bounces or shot.bounces, dict(s.choose)
     direct: list[Answer] = []
     as_preview: dict[Pool, float] = {}

@@ -117,3 +117,20 @@ def test_albedo_is_that_of_schlicks_ramp(room: LightField) -> None:
     ramp = s.f0[:, :, None] + (s.f90 - s.f0)[:, :, None] * (1 - mu) ** 5
     expected = (s.diffuse * (1 - s.f0)).max(1) + (2 * mu * ramp).mean(2).max(1)
     np.testing.assert_allclose(albedo(s), expected, rtol=1e-3)
+
+
+def test_what_is_lent_is_as_the_shot_is_whatever_the_one_before_did(room: LightField) -> None:
+    before = outgoing(room)
+    for bounces in (3, 0):
+        with room.lent() as field:
+            np.testing.assert_array_equal(outgoing(field), before)
+            assert renew(field, 60, 1e-6).elements == ()
+            field.set_surface(edited(room, **RED))
+            assert renew(field, 2, 0.0).elements
+            for _ in range(bounces):  # of everything: nothing is kept of it
+                field.bounce()
+            assert np.abs(outgoing(field) - before).max() > 0.01
+        np.testing.assert_array_equal(outgoing(room), before)
+    with room.lent() as field, room.lent() as other:
+        assert field is not other
+        np.testing.assert_array_equal(outgoing(other), before)

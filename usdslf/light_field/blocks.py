@@ -1,11 +1,10 @@
-"""Blocks: elements in sixteens of one roughness level, as the kernels of a bounce take them.
+"""Blocks: elements in sixteens between the same two roughness levels, as the kernels of a bounce take them.
 
-An element between two levels is in a block of both, by its share; one under a clear coat in those of its coat too.
+An element under a clear coat is in a block of its coat too, which adds to what the other one makes.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -38,13 +37,22 @@ class Chunk:
 
 @dataclass(frozen=True)
 class Blocks:
-    """Blocks of one level: `order` (blocks * 16) elements, -1 for none, `parameters_d` (blocks, 12, 16)."""
+    """Blocks between two levels, or at one of them.
 
-    level: int
+    Attributes:
+        levels: one or two, the lower first.
+        count: blocks.
+        order: (blocks * 16) elements, -1 for none; `order_d` on the device.
+        parameters_d: (blocks, 6 + 6 levels, 16): dx, dy, then F0 and F90 of the share of each level.
+        adds: to what is there.
+    """
+
+    levels: tuple[int, ...]
     count: int
     order: NDArray[np.int32]
     order_d: Any
     parameters_d: Any
+    adds: bool
 
     def of_chunk(self, first: int, count: int) -> Chunk:
         """Returns some of the blocks."""
@@ -58,37 +66,46 @@ def blocks_of_surface(device: Device, s: Surface, model: str, rows: NDArray) -> 
         s: reflectance of all elements.
         rows: (r,) elements, distinct.
     """
-    weights = column_weights(model, s.diffuse[rows], s.f0[rows], s.f90[rows]).reshape(len(rows), 12)
-    diffuse, lobe = weights[:, :6], weights[:, 6:]
-    low, share = levels_of(s.roughness[rows])
-    parts = [
-        (rows, low, np.concatenate([diffuse, lobe * (1 - share)[:, None]], 1)),
-        (rows, low + 1, np.concatenate([0 * diffuse, lobe * share[:, None]], 1)),
-    ]
-    if np.any(s.clearcoat[rows] > 0) and model_of(model).has_coat:
-        coat = np.repeat(np.stack([s.clearcoat * s.coat_f0, s.clearcoat], 1)[rows], 3, axis=1)
-        low, share = levels_of(s.clearcoat_roughness[rows])
-        parts += [
-            (rows, low, np.concatenate([0 * diffuse, coat * (1 - share)[:, None]], 1)),
-            (rows, low + 1, np.concatenate([0 * diffuse, coat * share[:, None]], 1)),
-        ]
-    return blocks_of_weights(device, *(np.concatenate(x) for x in zip(*parts, strict=True)))
+    weights = column_weights(model, s.diffuse[rows], s.f0[rows], s.f90[rows])
+    blocks = blocks_of_weights(device, rows, weights, s.roughness[rows])
+    coated = rows[s.clearcoat[rows] > 0]
+    if len(coated) and model_of(model).has_coat:
+        coat = np.repeat(np.stack([s.clearcoat * s.coat_f0, s.clearcoat], 1)[coated][..., None], 3, axis=2)
+        weights = np.concatenate([np.zeros_like(coat), coat], 1)
+        blocks += blocks_of_weights(device, coated, weights, s.clearcoat_roughness[coated], adds=True)
+    return blocks
 
 
-def blocks_of_weights(device: Device, element: NDArray, level: NDArray, parameter: NDArray) -> list[Blocks]:
-    """Packs rows of element (r,), level (r,) and weights of the columns (r, 12) into blocks."""
-    used = np.any(parameter != 0, axis=1)
-    element, level, parameter = element[used], level[used], parameter[used]
+def blocks_of_weights(
+    device: Device, element: NDArray, weights: NDArray, roughness: NDArray, adds: bool = False
+) -> list[Blocks]:
+    """Packs elements by weights of their columns.
+
+    Args:
+        element: (r,) distinct.
+        weights: (r, 4, 3) of X, Y, A, B.
+        roughness: (r,) of their lobe.
+        adds: to what is there.
+    """
+    low, share = levels_of(roughness)
+    flat = weights.reshape(len(element), 12)
+    lower, upper = flat[:, 6:] * (1 - share)[:, None], flat[:, 6:] * share[:, None]
+    uses = np.stack([lower.any(1), upper.any(1)], 1)
+    uses[~uses.any(1), 0] = True
     blocks = []
-    for j in np.unique(level):
-        for part in _without_repeats(np.nonzero(level == j)[0], element):
-            count = -(-len(part) // LANES)
-            order = np.full(count * LANES, -1, np.int32)
-            order[: len(part)] = element[part]
-            p = np.zeros((count * LANES, 12), np.float32)
-            p[: len(part)] = parameter[part]
-            p = np.ascontiguousarray(p.reshape(count, LANES, 12).transpose(0, 2, 1))
-            blocks.append(Blocks(int(j), count, order, device.upload(order), device.upload(p)))
+    for kind in np.unique(2 * low + uses[:, 1] + 64 * uses[:, 0]):
+        rows = np.flatnonzero(2 * low + uses[:, 1] + 64 * uses[:, 0] == kind)
+        has_lower, has_upper = uses[rows[0]]
+        parts = [flat[rows, :6], *([lower[rows]] if has_lower else []), *([upper[rows]] if has_upper else [])]
+        first = int(low[rows[0]])
+        levels = (*([first] if has_lower else []), *([first + 1] if has_upper else []))
+        values, count = np.concatenate(parts, 1), -(-len(rows) // LANES)
+        order = np.full(count * LANES, -1, np.int32)
+        order[: len(rows)] = element[rows]
+        p = np.zeros((count * LANES, values.shape[1]), np.float32)
+        p[: len(rows)] = values
+        p = np.ascontiguousarray(p.reshape(count, LANES, -1).transpose(0, 2, 1))
+        blocks.append(Blocks(levels, count, order, device.upload(order), device.upload(p), adds))
     return blocks
 
 
@@ -98,11 +115,3 @@ def levels_of(roughness: NDArray) -> tuple[NDArray, NDArray]:
     low = np.minimum(np.floor(x + 1e-3).astype(np.int64), LEVEL_COUNT - 2)
     share = np.clip(x - low, 0, 1)
     return low, np.where(share < 2e-2, 0, share)
-
-
-def _without_repeats(rows: NDArray, element: NDArray) -> Iterator[NDArray]:
-    """Splits rows so that no element comes twice in one part: lanes of one launch must not share an element."""
-    while len(rows):
-        _, first = np.unique(element[rows], return_index=True)
-        yield rows[np.sort(first)]
-        rows = np.delete(rows, first)

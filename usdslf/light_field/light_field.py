@@ -1,18 +1,19 @@
 """The surface light field: outgoing radiance of every element in every bin, bounce by bounce.
 
-L_o = L_e + K (L_fixed + G L_o), iterated from the light field at hand.  Elements are put into blocks of
-sixteen of one roughness level; an element between two levels is in both, by its share.  Levels and weights:
-preconvolution.py; kernels: light_field.cl.
+L_o = L_e + K (L_fixed + G L_o), iterated from the light field at hand.  Elements are put into blocks of sixteen between
+the same two roughness levels (blocks.py).  Levels and weights: preconvolution.py; kernels: light_field.cl.
 
 Source: Nguyen et al. 2013, section 3 (rendering equation), 5.2, 6.2.
 """
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Iterator
+from contextlib import contextmanager
 from copy import copy
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -21,19 +22,20 @@ from numpy.typing import NDArray
 from usdslf.elements.elements import Elements
 from usdslf.elements.lookup import DeviceLookup, ElementLookup
 from usdslf.gpu.device import Device, Kernel
-from usdslf.light_field.blocks import LANES, Blocks, Chunk, blocks_of_surface, blocks_of_weights, levels_of
+from usdslf.light_field.blocks import LANES, Blocks, Chunk, blocks_of_surface, blocks_of_weights
 from usdslf.light_field.incoming import Incoming
 from usdslf.light_field.links import follow_links, link_rays
 from usdslf.light_field.preconvolution import LevelKernel, build_level, fresnel_diffuse
 from usdslf.light_field.storage import USUAL, Storage, constants_of, require_device
 from usdslf.light_field.surface import CHANGED, Surface, changed_rows
-from usdslf.light_field.symmetry import QUARTER, blocks_of
+from usdslf.light_field.symmetry import ALIKE, QUARTER, blocks_of
 from usdslf.light_field.visibility import Visibility
 from usdslf.progress import tell
 from usdslf.sampling.hemisphere import D, bin_directions
 from usdslf.surfaces.reflectance import roughness_levels
 
 CHUNK_BLOCKS = 24  # blocks whose light stays in the caches of a CPU
+MOST_SPARE = 1 << 28  # bytes of a light field that is kept to be lent again
 LAUNCHED = 4  # chunks that are waited for, so that work can be cancelled between them
 
 
@@ -43,23 +45,20 @@ class _Scratch:
 
     next_d: Any  # (N, D, 3)
     light_d: Any  # (CHUNK_BLOCKS, D, 3, LANES)
-    coarse_d: Any  # (CHUNK_BLOCKS, D / 4, 3, LANES)
-    folded_d: Any  # the same in the basis of symmetry.py
-    answer_d: Any  # (CHUNK_BLOCKS, D / 4, Y A B, 3, LANES) in that basis
+    sharp_d: Any  # the same, of what sharp lobes reflect
+    folded_d: Any  # (CHUNK_BLOCKS, D / 4, 3, LANES) in the basis of symmetry.py
+    answer_d: Any  # (CHUNK_BLOCKS, D / 4, Y A B A B, 3, LANES) in that basis
+    e_part_d: Any
     e_pi_d: Any
     difference_d: Any  # (N, 2)
 
     @staticmethod
     def of(device: Device, n: int, storage: Storage) -> _Scratch:
+        make = lambda *shape: device.empty((CHUNK_BLOCKS, *shape, LANES), np.float32)  # noqa: E731
         return _Scratch(
-            device.empty((n, D, 3), storage.dtype),
-            device.empty((CHUNK_BLOCKS, D, 3, LANES), np.float32),
-            device.empty((CHUNK_BLOCKS, D // 4, 3, LANES), np.float32),
-            device.empty((CHUNK_BLOCKS, D // 4, 3, LANES), np.float32),
-            device.empty((CHUNK_BLOCKS, D // 4, 9, LANES), np.float32),
-            device.empty((CHUNK_BLOCKS, 3, LANES), np.float32),
-            device.empty((n, 2), np.float32),
-        )
+            device.empty((n, D, 3), storage.dtype), make(D, 3), make(D, 3), make(D // 4, 3), make(D // 4, 15),
+            make(ALIKE, 3), make(3), device.empty((n, 2), np.float32),
+        )  # fmt: skip
 
 
 class LightField:
@@ -96,6 +95,8 @@ class LightField:
         self.surface = Surface.of(elements)
         self._blocks: list[Blocks] | None = None  # of all elements, from the first bounce on
         self.waits = np.full(n, CHANGED, np.float32)  # light that came since each element reflected: renewal.py
+        self.renewed: list[NDArray[np.int64]] | None = []  # elements that reflected anew, by renewal; None: all did
+        self._spare: deque[tuple[LightField, Any]] = deque(maxlen=1)  # to be lent, and the radiance that it is of
         self.set_surface(self.surface)
 
     def with_surface(self, surface: Surface) -> LightField:
@@ -106,10 +107,37 @@ class LightField:
         """
         vars(self).setdefault("sent", self.sent)  # found once, the copy has it too
         other = copy(self)
-        other.outgoing_d, other._scratch_d, other.waits = self.outgoing_d.copy(), None, self.waits.copy()
+        other.outgoing_d, other._scratch_d, other.waits = self.device.copied(self.outgoing_d), None, self.waits.copy()
+        other.renewed, other._spare = [], deque(maxlen=1)
         if surface is not self.surface:
             other.set_surface(surface)
         return other
+
+    @contextmanager
+    def lent(self) -> Iterator[LightField]:
+        """Lends a light field that is as this one, for changes that nobody keeps.
+
+        What they renewed is put back, so that the next one costs no copy; one is kept, if it is not large.
+        """
+        before = self.outgoing_d
+        try:
+            other, of = self._spare.pop()
+        except IndexError:
+            other, of = self.with_surface(self.surface), before
+        if of is not before:
+            other = self.with_surface(self.surface)
+        other.renewed = []
+        yield other
+        if other.renewed is None or before.nbytes > MOST_SPARE or self.outgoing_d is not before:
+            return
+        rows = np.unique(np.concatenate([np.zeros(0, np.int64), *other.renewed]))
+        self._kernel("put_back")(
+            (_up(len(rows) * D),), (64,), self.device.upload(rows.astype(np.int32)), np.uint32(len(rows) * D), before,
+            other.outgoing_d,
+        )  # fmt: skip
+        other.set_surface(self.surface)
+        other.waits[:] = self.waits
+        self._spare.append((other, before))
 
     def with_emission(self, emission: NDArray) -> LightField:
         """Returns a light field whose elements emit something else (N, 3), and reflect what they do now."""
@@ -152,8 +180,8 @@ class LightField:
         """Light (N, D, 3) that no edit changes, on the device; streamed as long as it is held."""
         return self.incoming.fixed_d
 
-    def _kernel(self, name: str, lobe: int = 0, **constants: int) -> Kernel:
-        return self.device.kernel("light_field", name, LOBE=lobe, **constants_of(self.outgoing_d), **constants)
+    def _kernel(self, name: str, **constants: int) -> Kernel:
+        return self.device.kernel("light_field", name, **constants_of(self.outgoing_d), **constants)
 
     @property
     def _scratch(self) -> _Scratch:
@@ -190,7 +218,6 @@ class LightField:
     def bounce(self) -> float:
         """Sends the light once more; returns the relative change of the light field (L1)."""
         device, n, scratch = self.device, len(self.elements.position), self._scratch
-        self._kernel("emit")((_up(n * D),), (64,), self.emission_d, np.uint32(n * D), scratch.next_d)
         if self._blocks is None:
             self._blocks = blocks_of_surface(device, self.surface, self.model, np.arange(n))
         self.reflect(self._blocks)
@@ -198,7 +225,7 @@ class LightField:
             (_up(n),), (64,), self.outgoing_d, scratch.next_d, np.uint32(n), scratch.difference_d
         )
         self.outgoing_d, scratch.next_d = scratch.next_d, self.outgoing_d
-        self.waits[:] = 0
+        self.waits[:], self.renewed = 0, None
         apart, total = device.download(scratch.difference_d).sum(0, dtype=np.float64)
         return float(apart / total) if total > 0 else 0.0
 
@@ -210,47 +237,50 @@ class LightField:
 
         Returns: device array (N, D, 3), zero for all others; good until the next bounce or response.
         """
-        low, share = levels_of(roughness)
-        flat = weights.reshape(len(element), 12)
-        lower, upper = flat.copy(), flat.copy()
-        lower[:, 6:] *= (1 - share)[:, None]
-        upper[:, 6:] *= share[:, None]
-        upper[:, :6] = 0
         self.device.clear(self._scratch.next_d)
-        levels, both = np.concatenate([low, low + 1]), np.concatenate([lower, upper])
-        self.reflect(blocks_of_weights(self.device, np.tile(element, 2), levels, both))
+        self.reflect(blocks_of_weights(self.device, element, weights, roughness, adds=True))
         return self._scratch.next_d
 
     def reflect(self, chosen: list[Blocks]) -> None:
-        """Adds to `next_d` what blocks send out, under the light that arrives now."""
-        device, scratch, kernel = self.device, self._scratch, self._kernel
+        """Writes to `next_d` what the elements of blocks send out, under the light that arrives now."""
         launched = 0
         for blocks in chosen:
-            level, w = self.level(blocks.level)
+            levels = [self.level(j) for j in blocks.levels]
             for first in range(0, blocks.count, CHUNK_BLOCKS):
-                count, at = min(CHUNK_BLOCKS, blocks.count - first), np.int32(first)
-                self.gather(blocks.of_chunk(first, count), scratch.light_d)
-                kernel("coarsen")((D // 4, count), (64, 1), scratch.light_d, scratch.coarse_d)
-                kernel("irradiance")((3, count), None, scratch.light_d, self.cosine_d, scratch.e_pi_d)
-                kernel("fold")((QUARTER, count), (64, 1), scratch.coarse_d, scratch.folded_d)
-                rough, fold_y = int(level.coarse), self.folded_y_d
-                kernel("reflect_folded", rough)(
-                    (D // 4, count), (64, 1), scratch.folded_d, fold_y, w.get("folded_a", fold_y),
-                    w.get("folded_b", fold_y), scratch.answer_d,
-                )  # fmt: skip
-                kernel("unfold", rough)(
-                    (QUARTER, count), (64, 1), scratch.answer_d, scratch.e_pi_d, self.y_scale_d,
-                    w.get("fine_scale", self.y_scale_d), blocks.parameters_d, blocks.order_d, at, scratch.next_d,
-                )  # fmt: skip
-                if not level.coarse:
-                    kernel("reflect_sharp")(
-                        (D, count), (64, 1), scratch.light_d, w["first"], w["tap"], w["a"], w["b"],
-                        blocks.parameters_d, blocks.order_d, at, scratch.next_d,
-                    )  # fmt: skip
+                self._reflect_chunk(blocks, levels, first, min(CHUNK_BLOCKS, blocks.count - first))
                 launched += 1
                 if launched % LAUNCHED == 0:
-                    device.finish()
+                    self.device.finish()
                     tell()
+
+    def _reflect_chunk(
+        self, blocks: Blocks, levels: list[tuple[LevelKernel, dict[str, Any]]], first: int, count: int
+    ) -> None:  # fmt: skip
+        """The same of some blocks that have the same levels."""
+        scratch, at, fold_y = self._scratch, np.int32(first), self.folded_y_d
+        sharp, rough = ([w for level, w in levels if level.coarse == is_rough] for is_rough in (False, True))
+        hit_d, fixed_d, is_streamed = self.incoming.of_chunk(blocks.of_chunk(first, count))
+        kernel = partial(self._kernel, ROUGH=len(rough), SHARP=len(sharp))
+        kernel("gather_folded", **({"STREAMED": 1} if is_streamed else {}))(
+            (ALIKE, count), (ALIKE, 1), blocks.order_d, hit_d, fixed_d, self.outgoing_d, self.cosine_d, at,
+            scratch.folded_d, scratch.e_part_d, scratch.light_d,
+        )  # fmt: skip
+        matrices = [w[name] for w in rough for name in ("folded_a", "folded_b")]
+        scales = [w["fine_scale"] for w in rough]
+        kernel("reflect_folded")(
+            (D // 4, count), (64, 1), scratch.folded_d, fold_y, *matrices, *[fold_y] * (4 - len(matrices)),
+            scratch.e_part_d, scratch.e_pi_d, scratch.answer_d,
+        )  # fmt: skip
+        for number, w in enumerate(sharp):
+            kernel("reflect_sharp")(
+                (D, count), (64, 1), scratch.light_d, w["first"], w["tap"], w["a"], w["b"], blocks.parameters_d, at,
+                np.int32(number), scratch.sharp_d,
+            )  # fmt: skip
+        kernel("unfold")(
+            (QUARTER, count), (64, 1), scratch.answer_d, scratch.sharp_d, scratch.e_pi_d, self.y_scale_d, *scales,
+            *[self.y_scale_d] * (2 - len(scales)), blocks.parameters_d, self.emission_d, blocks.order_d, at,
+            np.int32(blocks.adds), scratch.next_d,
+        )  # fmt: skip
 
     def converge(self, bounces: int = 8, tolerance: float = 2e-3) -> Iterator[float]:
         """Bounces until the change falls below `tolerance`, `bounces` times at most; yields each change."""

@@ -7,7 +7,8 @@ change, and so on.  What has arrived at an element since it reflected last waits
 
     w_e = rho_e sum_d c_d |dL(hit_ed)|          c: cosines of its D bins, of sum 1; rho: its albedo
 
-of how much its mean radiance would change.  In each bounce those that matter least wait, as long as
+of how much its mean radiance would change, |dL| as the mean over BLOCK x BLOCK bins of the sender.  In each bounce
+those that matter least wait, as long as
 
     sum_e m_e w_e < tolerance sum_e m_e |L_e|       m: how much an element matters, 1 or `seen_from`
 
@@ -33,6 +34,7 @@ from usdslf.progress import tell
 from usdslf.sampling.hemisphere import D
 
 TOLERANCE = 1e-3  # of the light field (L1), that may wait
+BLOCK = 4  # bins on a side, over which a change is averaged to judge what it brings
 KEPT_WAITING = 0.7  # of the tolerance: that a bounce leaves, so that what it sends may be the last
 GROUP = 64  # work-items of a group
 
@@ -109,17 +111,16 @@ def _due(waits: NDArray, allowed: float) -> NDArray[np.int64]:
 def _reflect_anew(field: LightField, rows: NDArray) -> None:
     """Lets some elements reflect the light of now, and adds what arrives of the change to what waits elsewhere."""
     device, n, count = field.device, len(field.elements), len(rows)
-    kernel = lambda name: device.kernel("renewal", name, **constants_of(field.outgoing_d))  # noqa: E731
-    rows_d, next_d = device.upload(rows.astype(np.int32)), field.next_d
-    kernel("emit_rows")((_up(count * D),), (GROUP,), rows_d, field.emission_d, np.uint32(count * D), next_d)
+    kernel = lambda name: device.kernel("renewal", name, BLOCK=BLOCK, **constants_of(field.outgoing_d))  # noqa: E731
+    rows_d, next_d, blocks = device.upload(rows.astype(np.int32)), field.next_d, D // BLOCK**2
     field.reflect(blocks_of_surface(device, field.surface, field.model, rows))
-    kernel("take_rows")((_up(count),), (GROUP,), rows_d, np.uint32(count), next_d, field.outgoing_d)
-    is_new = np.zeros(n, np.int32)
-    is_new[rows] = 1
-    arriving_d = device.empty((n,), np.float32)
-    kernel("arriving_change")(
-        (_up(n),), (GROUP,), field.hit_d, device.upload(is_new), next_d, field.cosine_d, np.uint32(n), arriving_d
+    change_d, arriving_d = device.zeros((n, blocks), np.float32), device.empty((n,), np.float32)
+    kernel("take_rows")(
+        (_up(count * blocks),), (GROUP,), rows_d, np.uint32(count * blocks), next_d, field.outgoing_d, change_d
     )
+    kernel("arriving_change")((_up(n),), (GROUP,), field.hit_d, change_d, field.cosine_d, np.uint32(n), arriving_d)
+    if field.renewed is not None:
+        field.renewed.append(rows)
     field.waits[rows] = 0
     field.waits += D * albedo(field.surface) * device.download(arriving_d)
 

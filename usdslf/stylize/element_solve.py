@@ -188,7 +188,7 @@ class _Work:
         order = np.full(count * LANES, -1, np.int32)
         order[:n] = element
         order_d, upload = self.device.upload(order), self.device.upload
-        light_kernel = lambda name: self.device.kernel("light_field", name, LOBE=0)  # noqa: E731
+        light_kernel = lambda name: self.device.kernel("light_field", name)  # noqa: E731
         field.gather(Chunk(order, order_d, 0, count), self.light_d)
         light_kernel("coarsen")((D // 4, count), (64, 1), self.light_d, self.coarse_d)
         light_kernel("irradiance")((3, count), None, self.light_d, field.cosine_d, self.e_pi_d)
