@@ -6,8 +6,10 @@ triangles_within(corners, points, reach) -> (pairs of point and triangle)
 
 from __future__ import annotations
 
+from collections import deque
 from dataclasses import dataclass
 from itertools import chain
+from weakref import ReferenceType, ref
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,14 +42,19 @@ def nearest_on_triangles(corners: NDArray, points: NDArray, pair: NDArray | None
         points: (n, 3).
         pair: (T,) the one point that each triangle is compared with; None: every triangle with every point.
     """
+    given = corners
     corners, points = np.asarray(corners, np.float64), np.asarray(points, np.float64)
     n = len(points)
     if pair is not None:
         return _best_of_pairs(n, np.asarray(pair), np.arange(len(corners)), corners, points)
-    usable = np.flatnonzero(np.isfinite(corners).all((1, 2)))
-    if not len(usable):
-        return _best_of_pairs(n, np.zeros(0, int), np.zeros(0, int), corners, points)
-    spheres = _Spheres(usable, corners[usable])
+    spheres = next((found for of, found in tuple(_SEARCHED) if of() is given), None)
+    if spheres is None:
+        usable = np.flatnonzero(np.isfinite(corners).all((1, 2)))
+        if not len(usable):
+            return _best_of_pairs(n, np.zeros(0, int), np.zeros(0, int), corners, points)
+        spheres = _Spheres(usable, corners[usable])
+        if given.base is None:  # and no part of another array, which nobody holds
+            _SEARCHED.append((ref(given), spheres))
     rounding = 1e-9 * (np.abs(spheres.marks).max() + np.abs(points).max(initial=0))
     out = Nearest(np.zeros(n, np.int64), np.zeros((n, 2)), np.full(n, np.inf))
     for rows in in_blocks(n, BLOCK):
@@ -55,6 +62,10 @@ def nearest_on_triangles(corners: NDArray, points: NDArray, pair: NDArray | None
         best = _best_of_pairs(rows.stop - rows.start, point, triangle, corners, points[rows])
         out.triangle[rows], out.barycentric[rows], out.distance[rows] = best.triangle, best.barycentric, best.distance
     return out
+
+
+_SEARCHED: deque[tuple[ReferenceType[NDArray], _Spheres]] = deque(maxlen=2)
+"""What was searched last: a scene's triangles for each stroke, which never change."""
 
 
 class _Spheres:

@@ -316,16 +316,27 @@ def _as_one(wanted: F64, weight: F64) -> tuple[F64, F64]:
 
 def _planes(v: Varying, wanted: F64, weight: F64) -> tuple[F64, F64, F64]:
     """Local planes through what each dab wants (n, C): their values (n, C), slopes (n, C, 3) and leverage (n, C)."""
-    apart = v.places.position[None] - v.places.position[:, None]  # (i, j, 3)
-    k = np.exp(-0.5 * (apart**2).sum(-1) / v.length**2)
-    design = np.concatenate([np.ones((*k.shape, 1)), apart / v.length], -1)  # (i, j, 4)
-    w = k[..., None] * weight[None]  # (i, j, channel)
-    normal = np.einsum("ijc,ija,ijb->icab", w, design, design, optimize=True)
+    n, channels = wanted.shape
+    p = (v.places.position - v.places.position.mean(0)) / v.length
+    square = (p * p).sum(1)
+    k = np.exp(np.minimum(p @ p.T - 0.5 * square[:, None] - 0.5 * square[None], 0))
+    # moments about the middle of all dabs, moved to each
+    basis = np.concatenate([np.ones((n, 1)), p, p[:, [0, 0, 0, 1, 1, 2]] * p[:, [0, 1, 2, 1, 2, 2]]], 1)
+    asked = (weight * wanted)[..., None] * basis[:, None, :4]
+    sums = k @ np.concatenate([weight[..., None] * basis[:, None], asked], 2).reshape(n, -1)
+    m0, m1, m2, r0, r1 = np.split(sums.reshape(n, channels, 14), [1, 4, 10, 11], axis=2)
+    x = p[:, None]
+    second = m2[..., [[0, 1, 2], [1, 3, 4], [2, 4, 5]]]
+    crossed = x[..., :, None] * m1[..., None, :]
+    second = second - crossed - crossed.swapaxes(2, 3) + m0[..., None] * x[..., :, None] * x[..., None, :]
+    first = m1 - m0 * x
+    normal = np.empty((n, channels, 4, 4))
+    normal[..., 0, 0], normal[..., 0, 1:], normal[..., 1:, 0], normal[..., 1:, 1:] = m0[..., 0], first, first, second
     size = np.trace(normal, axis1=2, axis2=3)[..., None, None]
     normal = normal + np.diag([1e-9, TILT, TILT, TILT]) * (size + 1e-30)
-    right = np.einsum("ijc,ija,jc->ica", w, design, wanted, optimize=True)
-    plane = np.linalg.solve(normal, right[..., None])[..., 0]  # (i, channel, 4)
-    own = np.linalg.solve(normal, np.broadcast_to(np.eye(4)[:, :1], (*normal.shape[:2], 4, 1)))[..., 0, 0]
+    right = np.stack([np.concatenate([r0, r1 - r0 * x], 2), np.broadcast_to(np.eye(4)[0], (n, channels, 4))], 3)
+    solved = np.linalg.solve(normal, right)  # (i, channel, 4, plane and the dab's own part)
+    plane, own = solved[..., 0], solved[..., 0, 1]
     return plane[..., 0], plane[..., 1:] / v.length, own * weight  # K_ii = 1
 
 
