@@ -12,9 +12,10 @@ from reference.reflectance import frame_about
 from usdslf.inference.bilinear import Tables, pool_tables
 from usdslf.inference.candidate import Candidate
 from usdslf.inference.evidence import Evidence
-from usdslf.inference.fit import Problem, Specular, Way, fit, fit_robustly, relative_residuals, whiten
+from usdslf.inference.fit import Problem, Specular, Way, fit, fit_robustly, relative_residuals
 from usdslf.inference.solve import enumerate_candidates, refit, refit_problem, relative_error
 from usdslf.inference.weights import Options
+from usdslf.inference.whitening import whiten
 from usdslf.strokes.stroke import Stroke
 from usdslf.surfaces.reflectance import roughness_levels
 from usdslf.surfaces.surface_points import SurfacePoints

@@ -10,12 +10,12 @@ from kit.dull_tables import BEFORE, N, dull_tables
 
 from usdslf.inference.bilinear import Tables, swatches
 from usdslf.inference.candidate import Candidate
-from usdslf.inference.fit import whiten
 from usdslf.inference.paint_errors import refit_as_painted
 from usdslf.inference.residuals import relative_scale
 from usdslf.inference.solve import refit, refit_problem
 from usdslf.inference.uncertainty import interval, probabilities
 from usdslf.inference.weights import Options
+from usdslf.inference.whitening import whiten
 from usdslf.surfaces.reflectance import moved_roughness
 
 TRUE = np.array([0.12, -0.05, 0.2])  # change of the diffuse colour
@@ -70,13 +70,14 @@ def test_whitened_errors_are_those_of_the_whole_covariance_dab_by_dab() -> None:
     cov = shared_errors(t, o) + o.dab_error**2 * np.eye(3 * N)
     cov += o.flat_error**2 * (alike * np.eye(3 * N) - alike / 4)
     white, r = whiten(t, o), rng.standard_normal(3 * N)
-    np.testing.assert_allclose(white @ cov @ white.T, np.eye(3 * N), atol=1e-7)
+    np.testing.assert_allclose(white @ (white @ cov).T, np.eye(3 * N), atol=1e-7)
+    np.testing.assert_allclose(white @ np.eye(3 * N), white.matrix, atol=1e-12)
     expected = np.linalg.solve(np.linalg.cholesky(cov), r)
     for found in (white @ r, whiten(t, replace(o, tail=9.0)) @ r):
         squares = [(x.reshape(-1, 3) ** 2).sum(1) for x in (found, expected)]
         np.testing.assert_allclose(*squares, rtol=1e-6)
     other = whiten(t, replace(o, dab_error=2 * o.dab_error))
-    assert np.abs(other - white).max() > 0.1 * np.abs(white).max()
+    assert np.abs(other.matrix - white.matrix).max() > 0.1 * np.abs(white.matrix).max()
 
 
 def test_dabs_of_a_swatch_are_found_and_gradients_are_none() -> None:

@@ -106,7 +106,7 @@ class Tables:
     @property
     def group(self) -> NDArray[np.int64]:
         """Which dabs (n,) count as one: those of a swatch, each other one alone; numbered from 0."""
-        alone = -1 - np.arange(len(self.swatch))
+        alone = np.arange(-len(self.swatch), 0)
         _, number = np.unique(np.where(self.swatch < 0, alone, self.swatch), return_inverse=True)
         return number.reshape(-1)
 

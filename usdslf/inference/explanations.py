@@ -19,12 +19,12 @@ from usdslf.errors import StrokeError
 from usdslf.inference.answers import Alternative, means_after
 from usdslf.inference.bilinear import Tables
 from usdslf.inference.candidate import Candidate
-from usdslf.inference.fit import whiten
 from usdslf.inference.joint_fit import MET, Change, mean_error
 from usdslf.inference.least_squares import bounded_least_squares
 from usdslf.inference.receivers import F64, Receiver, receiver_tables
 from usdslf.inference.solve import enumerate_candidates, tempered
 from usdslf.inference.weights import Options
+from usdslf.inference.whitening import whiten
 from usdslf.light_field.light_field import LightField
 from usdslf.scene.records import Scene
 

@@ -17,20 +17,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from enum import Enum
-from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg.lapack import dtrtri
 
 from usdslf.inference.bilinear import Bilinear, Tables
 from usdslf.inference.candidate import GROUPS, Candidate, is_grey
 from usdslf.inference.least_squares import bounded_solutions
 from usdslf.inference.weights import Options
+from usdslf.inference.whitening import White, Whitened, whiten
 from usdslf.scene.records import F64
 
 TRUST = (0.5, 0.25, 0.15, 0.1, 0.07, 0.05)  # relative error of a dab at which it has half its weight, round by round
-GREY_AND_COLORS = np.array([[2, 2, 2], [0, 6**0.5, -(6**0.5)], [-(8**0.5), 2**0.5, 2**0.5]]) / 12**0.5  # axes of a dab
 STEPS = 4  # of Gauss and Newton, for the bilinear candidates
 
 
@@ -113,28 +111,13 @@ class Fits:
 
 
 @dataclass(frozen=True)
-class _Whitened:
-    """Residuals r = rest + dd U + dF V - dd dF W, whitened: (J, m), and (J, m, 3) of the channels' own changes."""
-
-    rest: F64
-    u: F64
-    v: F64
-    w: F64
-
-    def at(self, dd: F64, df: F64) -> F64:
-        """Returns the residuals (J, m) of changes (J, 3)."""
-        both = np.concatenate([dd, df, -dd * df], 1)[..., None]
-        return self.rest + (np.concatenate([self.u, self.v, self.w], 2) @ both)[..., 0]
-
-
-@dataclass(frozen=True)
 class Problem:
     """The dabs of a pool and the errors that are expected of them; fits of one pool share it."""
 
     tables: Tables
     options: Options
-    white: F64  # (m, 3n)
-    _whitened: dict[tuple[bool, bool], _Whitened] = field(default_factory=dict, init=False, repr=False)
+    white: White  # (3 m, 3 n)
+    _whitened: dict[tuple[bool, bool], Whitened] = field(default_factory=dict, init=False, repr=False)
 
     @staticmethod
     def of(t: Tables, o: Options) -> Problem:
@@ -147,82 +130,21 @@ class Problem:
         outlier = self.options.outlier
         return (outlier * np.log1p(of_dab / outlier)).sum(-1)
 
-    def whitened(self, way: Way, levels: Sequence[int]) -> _Whitened:
+    def whitened(self, way: Way, levels: Sequence[int]) -> Whitened:
         """Returns the whitened tables at some levels; all levels are whitened at once, and kept."""
         kind = way.is_factor_diffuse, way.is_factor_f0
         if kind not in self._whitened:
             t = self.tables
             self._whitened[kind] = self._made_white(t.with_factors(*kind), np.ones((len(t.target), len(t.levels))))
-        whole, rows = self._whitened[kind], list(levels)
-        return _Whitened(whole.rest[rows], whole.u[rows], whole.v[rows], whole.w[rows])
+        return self._whitened[kind].levels(list(levels))
 
-    def trusted(self, way: Way, levels: Sequence[int], trust: F64) -> _Whitened:
+    def trusted(self, way: Way, levels: Sequence[int], trust: F64) -> Whitened:
         """Returns the same by trust (n, J) in each dab at each level, 0..1."""
         b, rows = self.tables.with_factors(way.is_factor_diffuse, way.is_factor_f0), list(levels)
         return self._made_white(Bilinear(b.p[:, rows], b.u[:, rows], b.v[:, rows], b.w[:, rows]), trust)
 
-    def _made_white(self, b: Bilinear, trust: F64) -> _Whitened:
-        t, (n, count) = self.tables, trust.shape
-        share = trust[..., None] / t.scale[:, None]  # (n, J, 3)
-        parts = np.zeros((n, 3, count, 10))  # a channel's change moves that channel alone
-        parts[..., 0] = ((b.p - t.target[:, None]) * share).transpose(0, 2, 1)
-        for k, x in enumerate((b.u, b.v, b.w)):
-            for channel in range(3):
-                parts[:, channel, :, 1 + 3 * k + channel] = (x * share)[..., channel]
-        white = (self.white @ parts.reshape(3 * n, -1)).reshape(-1, count, 10).transpose(1, 0, 2)
-        return _Whitened(white[..., 0], white[..., 1:4], white[..., 4:7], white[..., 7:])
-
-
-def whiten(t: Tables, o: Options) -> F64:
-    """Returns the matrix (3n, 3n) that makes relative residuals, dab by dab and channel by channel, independent.
-
-    It is formed, and not solved with, because some hundred products with it follow.
-    """
-    errors = o.dab_error, o.drift_error, o.drift_length, o.tint_error, o.flat_error
-    stroke, swatch = (x.astype(np.int64).tobytes() for x in (t.stroke, t.swatch))
-    return _white_of(np.asarray(t.place, np.float64).tobytes(), stroke, swatch, errors)
-
-
-@lru_cache(maxsize=4)
-def _white_of(place: bytes, stroke: bytes, swatch: bytes, errors: tuple[float, ...]) -> F64:
-    """The matrix by the values that it depends on: it stays from light to light.
-
-    Each channel of C has what it shares with the others and what is its own, kron(A, 1) + kron(B, I): in the grey and
-    two colour axes of a dab, C is 3 A + B and twice B, and so are its roots.  Each row of a dab is turned into those.
-    """
-    at = np.frombuffer(place, np.float64).reshape(-1, 3)
-    group, colors = np.frombuffer(stroke, np.int64), np.frombuffer(swatch, np.int64)
-    dab_error, drift_error, drift_length, tint_error, flat_error = errors
-    n = len(at)
-    same = (group[:, None] == group[None]).astype(float)
-    gap, extent = gaps_and_extents(at, group)
-    length = np.maximum(drift_length * extent, 1e-9)
-    drift = same * np.exp(-0.5 * (gap / length[:, None]) ** 2) * drift_error**2
-    own = same * tint_error**2 + np.eye(n) * dab_error**2
-    # who paints with one colour gets the mean right, not the contrast among what has it
-    for s in np.unique(colors[colors >= 0]):
-        mine = (colors == s).astype(float)
-        own += flat_error**2 * (np.diag(mine) - np.outer(mine, mine) / mine.sum())
-    color = inverse_root(own)
-    roots = np.stack([inverse_root(1.5 * (drift + drift.T) + own), color, color])
-    white = np.einsum("aij,ac->iajc", roots, GREY_AND_COLORS).reshape(3 * n, 3 * n)
-    white.flags.writeable = False
-    return white
-
-
-def gaps_and_extents(place: F64, stroke: NDArray) -> tuple[F64, F64]:
-    """Returns the distances of dabs (n, n), and the extent of the stroke (n,) that each is of."""
-    gap = np.linalg.norm(place[:, None] - place[None], axis=-1)
-    which, number = np.unique(stroke, return_inverse=True)
-    extent = np.array([gap[np.ix_(stroke == s, stroke == s)].max() for s in which])
-    return gap, extent[number.reshape(-1)]
-
-
-def inverse_root(covariance: F64) -> F64:
-    """Returns the inverse of the lower triangular root of a covariance (k, k)."""
-    inverse, failed = dtrtri(np.linalg.cholesky(covariance), lower=1)
-    assert not failed, failed
-    return np.asarray(inverse, np.float64)
+    def _made_white(self, b: Bilinear, trust: F64) -> Whitened:
+        return self.white.of_tables(b, self.tables.target, trust[..., None] / self.tables.scale[:, None])
 
 
 def relative_residuals(t: Tables, c: Candidate) -> F64:
@@ -307,7 +229,7 @@ def fit(problem: Problem, way: Way, levels: Sequence[int], trust: F64 | None = N
     return Fits(dd, df, problem.misfit(whole.at(dd, df)))
 
 
-def _linear(x: _Whitened, t: Tables, way: Way, dd: F64, df: F64) -> tuple[F64, F64, F64, F64]:
+def _linear(x: Whitened, t: Tables, way: Way, dd: F64, df: F64) -> tuple[F64, F64, F64, F64]:
     """Slopes (J, m, k) of the residuals about changes (J, 3); the k changes (J, k), their least and greatest (k,)."""
     columns: list[F64] = []
     at: list[F64] = []

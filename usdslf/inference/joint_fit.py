@@ -19,11 +19,12 @@ from numpy.typing import NDArray
 
 from usdslf.inference.bilinear import Tables
 from usdslf.inference.candidate import Candidate, is_grey
-from usdslf.inference.fit import bounds_of, whiten
+from usdslf.inference.fit import bounds_of
 from usdslf.inference.least_squares import bounded_least_squares
 from usdslf.inference.receivers import F64, Receiver, carried, present_radiance, rows_in_sight
 from usdslf.inference.residuals import relative_scale
 from usdslf.inference.weights import Options
+from usdslf.inference.whitening import whiten
 from usdslf.light_field.light_field import LightField
 from usdslf.light_field.surface import Surface
 from usdslf.surfaces.reflectance import Parameters, column_weights

@@ -30,9 +30,10 @@ from numpy.typing import NDArray
 from usdslf.edits.whole_set import Colored
 from usdslf.inference.bilinear import Tables
 from usdslf.inference.candidate import Candidate, is_grey
-from usdslf.inference.fit import Problem, Way, fit, gaps_and_extents, inverse_root, relative_residuals
+from usdslf.inference.fit import Problem, Way, fit, relative_residuals
 from usdslf.inference.residuals import mean_by_stroke, relative_scale
 from usdslf.inference.weights import Options
+from usdslf.inference.whitening import White, gaps_and_extents, inverse_root, white_of_axes
 from usdslf.scene.records import F64
 
 SIZES_ALIKE, SIZES_OWN = np.geomspace(1e-4, 4.0, 19), np.geomspace(1e-3, 4.0, 19)  # of a and b that are tried
@@ -55,27 +56,52 @@ MOST_GROUPS = 96  # dabs and swatches that a and b are read off
 
 @dataclass(frozen=True)
 class PaintErrors:
-    """Covariance of relative residuals, of m dabs and swatches of n dabs, and the columns of what is free."""
+    """Covariance of relative residuals of m dabs and swatches of n dabs, and the columns of what is free.
 
-    together: F64  # (m, n) takes the mean of dabs that share a swatch, and leaves the others
+    C = kron(shared, 1) + kron(tinted, I) + single, with 1 and I over the channels.
+    """
+
+    together: F64 | None  # (m, n) takes the mean of dabs that share a swatch; None: all are alone
     alike: float  # a
     own: float  # b
     trust: F64  # (m,) 0..1
-    covariance: F64  # (3 m, 3 m)
+    shared: F64  # (m, m) brightness that drifts
+    tinted: F64  # (m, m)
+    single: F64  # (m, 3) variances
 
     @cached_property
-    def root(self) -> F64:
-        """Matrix (3 m, 3 m) that makes relative residuals of dabs and swatches independent, of unit variance."""
-        return inverse_root(self.covariance)
+    def covariance(self) -> F64:
+        """The whole of it (3 m, 3 m)."""
+        alike = np.kron(self.shared, np.ones((3, 3))) + np.kron(self.tinted, np.eye(3))
+        return alike + np.diag(self.single.reshape(-1))
+
+    @cached_property
+    def root(self) -> White:
+        """What makes relative residuals of dabs and swatches independent, of unit variance."""
+        if np.ptp(self.single, axis=1).max(initial=0) == 0:
+            color = self.tinted + np.diag(self.single[:, 0])
+            return white_of_axes(3 * self.shared + color, color)
+        return White(None, None, inverse_root(self.covariance))
 
     @property
-    def white(self) -> F64:
-        """Matrix (3 m, 3 n) that does so with those of dabs."""
+    def white(self) -> White:
+        """What does so with those of dabs."""
+        root, by = self.root, self.together
+        if by is None:
+            return root
+        if root.whole is None:
+            assert root.grey is not None and root.color is not None
+            return White(root.grey @ by, root.color @ by)
+        m, n = by.shape
+        by_channel = root.whole.reshape(3 * m, m, 3).transpose(0, 2, 1).reshape(-1, m) @ by
+        return White(None, None, by_channel.reshape(3 * m, 3, n).transpose(0, 2, 1).reshape(3 * m, 3 * n))
+
+    def seen(self, x: F64) -> F64:
+        """Returns what numbers (3 n, ...) of dabs are of dabs and swatches: (3 m, ...)."""
+        if self.together is None:
+            return x
         m, n = self.together.shape
-        if m == n and np.array_equal(self.together, np.eye(n)):
-            return self.root
-        by_channel = self.root.reshape(3 * m, m, 3).transpose(0, 2, 1).reshape(-1, m) @ self.together
-        return by_channel.reshape(3 * m, 3, n).transpose(0, 2, 1).reshape(3 * m, 3 * n)
+        return np.asarray((self.together @ x.reshape(n, -1)).reshape(3 * m, *x.shape[1:]))
 
 
 def refit_as_painted(t: Tables, o: Options, c: Candidate) -> Candidate:
@@ -197,30 +223,36 @@ def paint_errors(t: Tables, o: Options, c: Candidate, trust: F64 | None = None) 
         trust: (m,) in each dab or swatch; None: by the residual alone.
     """
     group = t.group
-    one = (group[None] == np.arange(group.max() + 1)[:, None]).astype(float)
-    count = one.sum(1)
-    together = one / count[:, None]
-    residual = (together @ relative_residuals(t, c)).reshape(-1)
+    count = np.bincount(group).astype(float)
+    together = None
+    if len(count) < len(group):
+        together = (group[None] == np.arange(len(count))[:, None]) / count[:, None]
+    mean = lambda x: x if together is None else together @ x  # noqa: E731
+    residual = mean(relative_residuals(t, c))  # (m, 3)
     if trust is None:
-        size = count * (residual.reshape(-1, 3) ** 2).sum(1)
+        size = count * (residual**2).sum(1)
         trust = np.sqrt(np.minimum(1, (DEGREES + 3) / (DEGREES + 3 * size / (np.median(size) + 3 * (2 * SURE) ** 2))))
-    by_channel = lambda m: np.kron(m, np.eye(3))  # noqa: E731
     drift, same = _shared(t, o)
-    drift, same = together @ drift @ together.T, together @ same @ together.T
-    alike = np.kron(drift, np.ones((3, 3))) + by_channel(o.tint_error**2 * same)
-    own = np.repeat(trust * np.sqrt(count), 3) / o.dab_error
-    columns = by_channel(together) @ np.stack(columns_of(t, c)[1], 1) if c.freed else np.zeros((3 * len(one), 0))
-    whole = np.kron(together @ _of_strokes(t), np.ones((3, 1)))
-    explained = own[:, None] * np.concatenate([columns, whole], 1)
-    held = np.tile(held_channels(t, c), len(one))  # what they leave says how far the paint is from what can be
-    rows = np.flatnonzero(~held)
+    if together is not None:
+        drift, same = (together @ x @ together.T for x in (drift, same))
+    own, m, n = trust * np.sqrt(count) / o.dab_error, len(count), len(group)
+    columns = np.stack(columns_of(t, c)[1], 1).reshape(n, -1) if c.freed else np.zeros((n, 0))
+    held = held_channels(t, c)  # what they leave says how far the paint is from what can be
+    parts = [mean(columns).reshape(m, 3, -1), np.repeat(mean(_of_strokes(t))[:, None], 3, 1)]
+    explained = own[:, None, None] * np.concatenate(parts, 2)
     of_swatches = bool((t.swatch >= 0).all())
     usual = USUAL_OF_SWATCHES if of_swatches else USUAL
-    a, b = _sizes((own * residual)[rows], explained[rows], (own[:, None] * alike * own)[np.ix_(rows, rows)], usual)
+    some = np.arange(m) if m <= MOST_GROUPS else np.linspace(0, m - 1, MOST_GROUPS).round().astype(int)
+    free, apart = np.flatnonzero(~held), np.ix_(some, some)
+    y, k = (own[:, None] * residual)[some][:, free].reshape(-1), len(free)
+    by = own[some, None] * own[some]
+    alike = np.kron(by * drift[apart], np.ones((k, k))) + np.kron(by * o.tint_error**2 * same[apart], np.eye(k))
+    a, b = _sizes(y, explained[some][:, free].reshape(len(y), -1), alike, usual)
     b = max(b, (2 * SURE / o.dab_error) ** 2)
-    single = (1.0 if of_swatches else SLACK) * b / own**2 + _of_swatch_means(t, c, together).reshape(-1)
-    covariance = a * alike + SURE**2 * by_channel(same) + np.diag(single + UNSAID**2 * held)
-    return PaintErrors(together, a, b, trust, covariance)
+    single = ((1.0 if of_swatches else SLACK) * b / own**2)[:, None] + UNSAID**2 * held
+    if together is not None:
+        single = single + _of_swatch_means(t, c, together)
+    return PaintErrors(together, a, b, trust, a * drift, (a * o.tint_error**2 + SURE**2) * same, single)
 
 
 def held_channels(t: Tables, c: Candidate) -> NDArray[np.bool_]:
@@ -263,13 +295,9 @@ def _sizes(y: F64, explained: F64, alike: F64, usual: tuple[float, float]) -> tu
     Args:
         usual: middle of what a and b are where y says little.
     """
-    if len(y) > 3 * MOST_GROUPS:
-        some = np.linspace(0, len(y) // 3 - 1, MOST_GROUPS).round().astype(int)
-        rows = (3 * some[:, None] + np.arange(3)).reshape(-1)
-        y, explained, alike = y[rows], explained[rows], alike[np.ix_(rows, rows)]
-    left = np.linalg.svd(explained, full_matrices=True)
-    rank = int((1e-9 * left.S.max(initial=1e-30) < left.S).sum())
-    rest = left.U[:, rank:]
+    left, sizes, _ = np.linalg.svd(explained, full_matrices=False)
+    rank = int((1e-9 * sizes.max(initial=1e-30) < sizes).sum())
+    rest = np.linalg.qr(left[:, :rank], mode="complete").Q[:, rank:]
     size, turn = np.linalg.eigh(rest.T @ alike @ rest)
     seen = (turn.T @ (rest.T @ y)) ** 2
     a, b = (x.reshape(-1, 1) for x in np.meshgrid(SIZES_ALIKE, SIZES_OWN, indexing="ij"))
@@ -284,9 +312,9 @@ def _sizes(y: F64, explained: F64, alike: F64, usual: tuple[float, float]) -> tu
 
 def _trust(t: Tables, o: Options, c: Candidate, errors: PaintErrors) -> F64:
     """Trust (m,) in each dab or swatch, by what is left of it beside what it shares with the others."""
-    residual = (errors.together @ relative_residuals(t, c)).reshape(-1)
-    count = 1 / (errors.together**2).sum(1)
+    residual = errors.seen(relative_residuals(t, c).reshape(-1))
+    count = np.bincount(t.group)
     variance = errors.own * o.dab_error**2 / (count * errors.trust**2)
-    own = np.repeat(variance, 3) * (errors.root.T @ (errors.root @ residual))
+    own = np.repeat(variance, 3) * (errors.root.transposed(errors.root @ residual))
     size = (own.reshape(-1, 3) ** 2).sum(1) * count / (errors.own * o.dab_error**2)
     return np.sqrt(np.minimum(1, (DEGREES + 3) / (DEGREES + size)))

@@ -67,8 +67,7 @@ def interval(t: Tables, o: Options, c: Candidate) -> Interval:
         names, columns = columns_of(t, c)
         errors = paint_errors(t, o, c)
         held = held_channels(t, c)
-        seen = np.kron(errors.together, np.eye(3))
-        j = seen @ np.stack(columns, 1)
+        j = errors.seen(np.stack(columns, 1))
         weighed = np.linalg.solve(errors.covariance, j)
         p = np.linalg.pinv(j.T @ weighed, rcond=1e-9) @ weighed.T
         variance = np.diag(p @ errors.covariance @ p.T).copy()

@@ -1,0 +1,51 @@
+"""Products along grey and colours are those of the whole matrix."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from kit.dull_tables import N, dull_tables
+
+from usdslf.inference.bilinear import Bilinear
+from usdslf.inference.candidate import Candidate
+from usdslf.inference.paint_errors import paint_errors
+from usdslf.inference.weights import Options
+from usdslf.inference.whitening import White, whiten
+
+
+@pytest.mark.parametrize("swatches", [0, 5])
+@pytest.mark.parametrize("painted", [False, True])
+def test_products_are_those_of_the_whole_matrix(painted: bool, swatches: int) -> None:
+    rng = np.random.default_rng(2)
+    t = dull_tables(rng)
+    alike = np.arange(N) < swatches
+    t = replace(t, swatch=np.where(alike, 0, -1), has_one_color=alike, stroke=np.arange(N) // (N // 2))
+    white = whiten(t, Options())
+    if painted:
+        white = paint_errors(t, Options(), Candidate(("diffuse",), level=0, freedoms=3)).white
+    assert white.whole is None
+    whole = White(None, None, white.matrix)
+    x = rng.standard_normal((3 * N, 4))
+    np.testing.assert_allclose(white @ x, white.matrix @ x, atol=1e-9)
+    np.testing.assert_allclose(white @ x[:, 0], white.matrix @ x[:, 0], atol=1e-9)
+    y = rng.standard_normal(len(white.matrix))
+    np.testing.assert_allclose(white.transposed(y), white.matrix.T @ y, atol=1e-9)
+    tables = Bilinear(*(rng.random((N, 3, 3)) for _ in range(4)))
+    share, change = rng.random((N, 3, 3)), rng.standard_normal((2, 3, 3))
+    one, other = (a.of_tables(tables, t.target, share) for a in (white, whole))
+    for name in ("rest", "u", "v", "w"):
+        np.testing.assert_allclose(getattr(one, name), getattr(other, name), atol=1e-9)
+    off = tables.at_level(1).predict(change[0, 1], change[1, 1]) - t.target
+    expected = white.matrix @ (share[:, 1] * off).ravel()
+    np.testing.assert_allclose(one.at(*change)[1], expected, atol=1e-9)
+
+
+def test_errors_that_differ_by_channel_are_whitened_as_a_whole() -> None:
+    t = dull_tables(np.random.default_rng(3))
+    t = replace(t, diffuse=np.array([1.0, 0.4, 0.2]))  # nothing more of red can be asked
+    errors = paint_errors(t, Options(), Candidate(("diffuse",), level=0, freedoms=3))
+    assert errors.white.whole is not None
+    covariance = errors.white @ (errors.white @ errors.covariance).T
+    np.testing.assert_allclose(covariance, np.eye(3 * N), atol=1e-8)

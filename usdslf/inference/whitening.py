@@ -1,0 +1,163 @@
+"""Whitening: what makes relative residuals of dabs independent, under a painter's errors.
+
+A covariance that treats the three channels alike, kron(A, 1) + kron(B, I) with 1 and I over the channels, falls into
+three in the axes of a dab, grey and two colours: 3 A + B and twice B.  So do its roots, and products with them: a sixth
+of the work of the whole matrix.
+
+Source: Aitken 1935 (generalized least squares).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg.lapack import dtrtri
+
+from usdslf.inference.bilinear import Bilinear, Tables
+from usdslf.inference.weights import Options
+from usdslf.scene.records import F64
+
+GREY_AND_COLORS = np.array([[2, 2, 2], [0, 6**0.5, -(6**0.5)], [-(8**0.5), 2**0.5, 2**0.5]]) / 12**0.5  # axes of a dab
+
+
+@dataclass(frozen=True)
+class Whitened:
+    """Residuals r = rest + dd U + dF V - dd dF W, whitened: (J, m), and (J, m, 3) of the channels' own changes."""
+
+    rest: F64
+    u: F64
+    v: F64
+    w: F64
+
+    def at(self, dd: F64, df: F64) -> F64:
+        """Returns the residuals (J, m) of changes (J, 3)."""
+        both = np.concatenate([dd, df, -dd * df], 1)[..., None]
+        return self.rest + (np.concatenate([self.u, self.v, self.w], 2) @ both)[..., 0]
+
+    def levels(self, rows: list[int]) -> Whitened:
+        """Returns those of some of the levels."""
+        return Whitened(self.rest[rows], self.u[rows], self.v[rows], self.w[rows])
+
+
+@dataclass(frozen=True)
+class White:
+    """A matrix (3 m, 3 n), three rows of each of m dabs or swatches and three columns of each of n dabs.
+
+    Attributes:
+        grey, color: (m, n) of the axis grey, and of both axes of colour; None: there is `whole` instead.
+        whole: (3 m, 3 n), of errors that do not treat the channels alike.
+    """
+
+    grey: F64 | None
+    color: F64 | None
+    whole: F64 | None = None
+
+    @cached_property
+    def matrix(self) -> F64:
+        """The matrix."""
+        if self.whole is not None:
+            return self.whole
+        assert self.grey is not None and self.color is not None
+        roots, (m, n) = np.stack([self.grey, self.color, self.color]), self.grey.shape
+        return np.einsum("aij,ac->iajc", roots, GREY_AND_COLORS).reshape(3 * m, 3 * n)
+
+    def __matmul__(self, x: F64) -> F64:
+        """Returns the product with numbers (3 n,) or (3 n, k)."""
+        if self.whole is not None:
+            return np.asarray(self.whole @ x)
+        assert self.grey is not None and self.color is not None
+        m, n = self.grey.shape
+        turned = np.einsum("ac,nck->ank", GREY_AND_COLORS, x.reshape(n, 3, -1))
+        out = np.stack([self.grey @ turned[0], self.color @ turned[1], self.color @ turned[2]], 1)
+        return out.reshape(3 * m, *x.shape[1:])
+
+    def transposed(self, x: F64) -> F64:
+        """Returns the product of the transposed matrix with numbers (3 m,)."""
+        if self.whole is not None:
+            return np.asarray(self.whole.T @ x)
+        assert self.grey is not None and self.color is not None
+        by_axis = x.reshape(-1, 3)
+        parts = [self.grey.T @ by_axis[:, 0], self.color.T @ by_axis[:, 1], self.color.T @ by_axis[:, 2]]
+        return np.asarray((np.stack(parts, 1) @ GREY_AND_COLORS).reshape(-1))
+
+    def of_tables(self, b: Bilinear, target: F64, share: F64) -> Whitened:
+        """Returns the whitened residuals of tables (n, J, 3) against a target (n, 3).
+
+        Args:
+            share: (n, J, 3) that each residual is multiplied by before.
+        """
+        n, count = share.shape[:2]
+        rest, u, v, w = (x * share for x in (b.p - target[:, None], b.u, b.v, b.w))
+        if self.whole is not None:
+            parts = np.zeros((n, 3, count, 10))  # a channel's change moves that channel alone
+            parts[..., 0] = rest.transpose(0, 2, 1)
+            for k, x in enumerate((u, v, w)):
+                for channel in range(3):
+                    parts[:, channel, :, 1 + 3 * k + channel] = x[..., channel]
+            white = (self.whole @ parts.reshape(3 * n, -1)).reshape(-1, count, 10).transpose(1, 0, 2)
+            return Whitened(white[..., 0], white[..., 1:4], white[..., 4:7], white[..., 7:])
+        assert self.grey is not None and self.color is not None
+        turned, m = rest @ GREY_AND_COLORS.T, len(self.grey)
+        own = np.concatenate([u, v, w], 2)  # (n, J, 9)
+        of_grey = (self.grey @ np.concatenate([turned[..., :1], own], 2).reshape(n, -1)).reshape(m, count, 10)
+        of_color = (self.color @ np.concatenate([turned[..., 1:], own], 2).reshape(n, -1)).reshape(m, count, 11)
+        first = np.concatenate([of_grey[..., :1], of_color[..., :2]], 2)  # (m, J, axis)
+        axes = np.stack([of_grey[..., 1:], of_color[..., 2:], of_color[..., 2:]], 1)  # (m, axis, J, 9)
+        changes = axes.reshape(m, 3, count, 3, 3) * GREY_AND_COLORS[:, None, None]
+        changes = np.ascontiguousarray(changes.transpose(3, 2, 0, 1, 4)).reshape(3, count, 3 * m, 3)
+        return Whitened(first.transpose(1, 0, 2).reshape(count, 3 * m), *changes)
+
+
+def whiten(t: Tables, o: Options) -> White:
+    """Returns what makes relative residuals, dab by dab and channel by channel, independent.
+
+    It is formed, and not solved with, because some hundred products with it follow.
+    """
+    errors = o.dab_error, o.drift_error, o.drift_length, o.tint_error, o.flat_error
+    stroke, swatch = (x.astype(np.int64).tobytes() for x in (t.stroke, t.swatch))
+    return _white_of(np.asarray(t.place, np.float64).tobytes(), stroke, swatch, errors)
+
+
+@lru_cache(maxsize=4)
+def _white_of(place: bytes, stroke: bytes, swatch: bytes, errors: tuple[float, ...]) -> White:
+    """The same by the values that it depends on: it stays from light to light."""
+    at = np.frombuffer(place, np.float64).reshape(-1, 3)
+    group, colors = np.frombuffer(stroke, np.int64), np.frombuffer(swatch, np.int64)
+    dab_error, drift_error, drift_length, tint_error, flat_error = errors
+    n = len(at)
+    same = (group[:, None] == group[None]).astype(float)
+    gap, extent = gaps_and_extents(at, group)
+    length = np.maximum(drift_length * extent, 1e-9)
+    drift = same * np.exp(-0.5 * (gap / length[:, None]) ** 2) * drift_error**2
+    own = same * tint_error**2 + np.eye(n) * dab_error**2
+    # who paints with one colour gets the mean right, not the contrast among what has it
+    for s in np.unique(colors[colors >= 0]):
+        mine = (colors == s).astype(float)
+        own += flat_error**2 * (np.diag(mine) - np.outer(mine, mine) / mine.sum())
+    return white_of_axes(1.5 * (drift + drift.T) + own, own)
+
+
+def white_of_axes(grey: F64, color: F64) -> White:
+    """Returns what whitens errors whose covariances (n, n) along grey and along colours are known."""
+    roots = inverse_root(grey), inverse_root(color)
+    for x in roots:
+        x.flags.writeable = False
+    return White(*roots)
+
+
+def gaps_and_extents(place: F64, stroke: NDArray) -> tuple[F64, F64]:
+    """Returns the distances of dabs (n, n), and the extent of the stroke (n,) that each is of."""
+    gap = np.linalg.norm(place[:, None] - place[None], axis=-1)
+    which, number = np.unique(stroke, return_inverse=True)
+    extent = np.array([gap[np.ix_(stroke == s, stroke == s)].max() for s in which])
+    return gap, extent[number.reshape(-1)]
+
+
+def inverse_root(covariance: F64) -> F64:
+    """Returns the inverse of the lower triangular root of a covariance (k, k)."""
+    inverse, failed = dtrtri(np.linalg.cholesky(covariance), lower=1)
+    assert not failed, failed
+    return np.asarray(inverse, np.float64)
