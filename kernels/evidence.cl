@@ -1,68 +1,50 @@
-/* evidence.cl: what light arrives at painted samples, and the columns that each roughness makes of it.
- *
- * Each sample draws its rays from a mixture of a cosine and several GGX lobes about the eye's mirror direction; one set of rays
- * serves every level, each ray weighted by one over the density of the whole mixture (balance heuristic, Veach 1997).
- * Build constant LOBES: lobes of the mixture, the cosine not counted.
+/* evidence.cl: the columns that each roughness makes of the light that arrives at painted samples (sample_rays.cl).
  */
 #include "reflectance.cl"
+#include "links.cl"
 
-/* density [1/sr] of the directions that a lobe's visible normals mirror the eye to */
-inline float lobe_density(float alpha, float3 e, float3 l)
+/* what no level changes of the lobe: its integrand is of these and of the level's parameter; of phong `near` is the cosine about the
+ * mirrored eye */
+typedef struct {
+    float16 near, rest, nl;
+} Sides;
+
+inline Sides sides_of(float3 e, float16 lx, float16 ly, float16 lz, float16 *ramp)
 {
-    return visible_pdf(alpha, ggx_of_half(alpha, normalize(e + l)), e.z);
+    Sides o;
+    float16 zero = 0.0f, one = 1.0f;
+    o.nl = lz > zero ? lz : zero;
+    float16 hx = e.x + lx, hy = e.y + ly, hz = e.z + lz, square = hx * hx + hy * hy + hz * hz, tiny = 1e-20f;
+    float16 s = one / sqrt(square > tiny ? square : tiny);
+    float16 h = (e.x * hx + e.y * hy + e.z * hz) * s, z = hz * s;
+    h = h > zero ? h : zero;
+    z = z > zero ? z : zero;
+    h = h < one ? h : one;
+    z = z < one ? z : one;
+    float16 g = one - h, g2 = g * g;
+    *ramp = HAS_FRESNEL ? g2 * g2 * g : zero;
+#if MODEL == 0
+    o.near = z * z;
+    o.rest = (one - z) * (one + z);
+#else
+    float16 m = e.z * lz - e.x * lx - e.y * ly;
+    o.near = m > zero ? m : zero;
+    o.rest = zero;
+#endif
+    return o;
 }
 
-/* expected number of rays per steradian, over all techniques */
-inline float mixture_density(__constant float *alphas, __constant float *counts, float3 e, float3 l)
+/* the lobe times the cosine */
+inline float16 lobe_of_sides(float parameter, float ne, Sides o)
 {
-    if (l.z <= 0.0f) return 0.0f;
-    float p = counts[0] * l.z / PI_F;
-    for (int t = 0; t < LOBES; t++) p += counts[t + 1] * lobe_density(alphas[t], e, l);
-    return p;
+#if MODEL == 0
+    float a2 = parameter * parameter, le = sqrt(a2 + (1.0f - a2) * ne * ne);
+    float16 t = o.near * a2 + o.rest, ll = sqrt(a2 + (1.0f - a2) * o.nl * o.nl), v = o.nl * le + ne * ll, tiny = 1e-9f;
+    return (0.5f / PI_F * a2) * o.nl / (t * t * (v > tiny ? v : tiny));
+#else
+    return (parameter + 2.0f) / (2.0f * PI_F) * pow(o.near, parameter) * o.nl;
+#endif
 }
-
-/* one work-item a ray
- * eye        (S, 3) local, z > 0
- * frames     (S, 3, 3)
- * u          (S, K, 2) in [0, 1)
- * technique  (K) 0 cosine, t lobe t
- * alphas     (LOBES); counts (LOBES + 1) rays of each technique
- * towards     (S, K, 3), world (S, K, 3), density (S, K): results; density 0 below the horizon
- */
-__kernel void make_rays(__global const float *eye, __global const float *frames, __global const float2 *u,
-                        __global const int *technique, __constant float *alphas, __constant float *counts,
-                        const uint rays, const uint count, __global float *towards, __global float *world,
-                        __global float *density)
-{
-    uint i = get_global_id(0);
-    if (i >= count) return;
-    uint s = i / rays;
-    float3 e = load3(eye, s), l;
-    int t = technique[i % rays];
-    if (t == 0) {
-        float r = sqrt(u[i].x), phi = 2.0f * PI_F * u[i].y;
-        l = (float3)(r * cos(phi), r * sin(phi), sqrt(max(1.0f - u[i].x, 0.0f)));
-    } else {
-        float3 h = visible_normal(alphas[t - 1], e, u[i]);
-        l = 2.0f * dot(e, h) * h - e;
-    }
-    store3(l, towards, i);
-    store3(world_from_local(frames, s, l), world, i);
-    density[i] = mixture_density(alphas, counts, e, l);
-}
-
-/* the mixture's density at given directions, local (S, K, 3) */
-__kernel void density_at(__global const float *eye, __global const float *towards, __constant float *alphas,
-                         __constant float *counts, const uint rays, const uint count, __global float *density)
-{
-    uint i = get_global_id(0);
-    if (i >= count) return;
-    density[i] = mixture_density(alphas, counts, load3(eye, i / rays), load3(towards, i));
-}
-
-DEFINE_GGX(float16, ggx_distribution16)
-DEFINE_SMITH(float16, smith_visibility16)
-DEFINE_MODEL(float16, model16, ggx_distribution16, smith_visibility16)
 
 inline float sum16(float16 v)
 {
@@ -71,7 +53,9 @@ inline float sum16(float16 v)
     return b.x + b.y + b.z + b.w;
 }
 
-/* the columns of each sample at each of its levels, one work-item a (level, sample), sixteen rays at a time
+#define PACKS 4 /* that are looked at together on all levels */
+
+/* the columns of each sample at each of its levels, one work-item a sample, sixteen rays at a time
  * eye        (S, 3) local
  * light_row  (S) row of `towards` and `light` that the sample sees
  * towards    (R, 3, K / 16) float16, local
@@ -83,23 +67,79 @@ __kernel void columns(__global const float *eye, __global const int *light_row, 
                       __global const float16 *light, __global const float *parameters, const uint packs, const uint levels,
                       const uint samples, __global float *columns)
 {
-    uint j = get_global_id(0), s = get_global_id(1);
-    if (j >= levels || s >= samples) return;
+    uint s = get_global_id(0);
+    if (s >= samples) return;
     float3 e = load3(eye, s);
-    float parameter = parameters[s * levels + j];
-    float16 sum[4][3];
-    for (int k = 0; k < 4; k++) for (int c = 0; c < 3; c++) sum[k][c] = 0.0f;
+    float ne = e.z > 1e-4f ? e.z : 1e-4f;
     __global const float16 *to = towards + (size_t)light_row[s] * 3 * packs;
     __global const float16 *radiance = light + (size_t)light_row[s] * 3 * packs;
-    for (uint i = 0; i < packs; i++) {
-        float16 column[4];
-        model16(parameter, e.x, e.y, e.z, to[i], to[packs + i], to[2 * packs + i], &column[0], &column[1], &column[2],
-                &column[3]);
-        for (int c = 0; c < 3; c++) {
-            float16 r = radiance[c * packs + i];
-            for (int k = 0; k < 4; k++) sum[k][c] += column[k] * r;
+    __global float *out = columns + (size_t)s * levels * 12;
+    float16 x[3], y[3];
+    for (int c = 0; c < 3; c++) x[c] = y[c] = 0.0f;
+    for (uint first = 0; first < packs; first += PACKS) {
+        uint count = packs - first < PACKS ? packs - first : PACKS;
+        Sides sides[PACKS];
+        float16 flat[PACKS][3], steep[PACKS][3];
+        for (uint i = 0; i < count; i++) {
+            uint at = first + i;
+            float16 f;
+            sides[i] = sides_of(e, to[at], to[packs + at], to[2 * packs + at], &f);
+            for (int c = 0; c < 3; c++) {
+                float16 r = radiance[c * packs + at];
+                flat[i][c] = (1.0f - f) * r;
+                steep[i][c] = f * r;
+                x[c] += sides[i].nl * flat[i][c];
+                y[c] += sides[i].nl * steep[i][c];
+            }
+        }
+        for (uint j = 0; j < levels; j++) {
+            float16 a[3], b[3];
+            for (int c = 0; c < 3; c++) a[c] = b[c] = 0.0f;
+            for (uint i = 0; i < count; i++) {
+                float16 w = lobe_of_sides(parameters[s * levels + j], ne, sides[i]);
+                for (int c = 0; c < 3; c++) {
+                    a[c] += w * flat[i][c];
+                    b[c] += w * steep[i][c];
+                }
+            }
+            for (int c = 0; c < 3; c++) {
+                out[j * 12 + 6 + c] = (first ? out[j * 12 + 6 + c] : 0.0f) + sum16(a[c]);
+                out[j * 12 + 9 + c] = (first ? out[j * 12 + 9 + c] : 0.0f) + sum16(b[c]);
+            }
         }
     }
-    for (int k = 0; k < 4; k++)
-        store3((float3)(sum16(sum[k][0]), sum16(sum[k][1]), sum16(sum[k][2])), columns, ((size_t)s * levels + j) * 4 + k);
+    for (int c = 0; c < 3; c++) {
+        float of_x = sum16(x[c]) / PI_F, of_y = sum16(y[c]) / PI_F;
+        for (uint j = 0; j < levels; j++) {
+            out[j * 12 + c] = of_x;
+            out[j * 12 + 3 + c] = of_y;
+        }
+    }
+}
+
+/* radiance over density of all rays and lights, with what surfaces send now
+ * fixed (S, 3, row), gain (S * rays, 3), links, weights (S * rays, 4): of sample_rays.cl
+ * outgoing (N, D, 3); light (S, 3, row): result
+ */
+__kernel void add_arriving(
+    const uint count, const uint rays, const uint row, __global const float *fixed, __global const float *gain,
+    __global const uint *links, __global const float *weights, __global const light_t *outgoing, __global float *light)
+{
+    uint i = get_global_id(0);
+    if (i >= count) return;
+    size_t s = i / row;
+    uint k = i % row;
+    float3 v = (float3)(fixed[(s * 3 + 0) * row + k], fixed[(s * 3 + 1) * row + k], fixed[(s * 3 + 2) * row + k]);
+    if (k < rays) {
+        size_t r = s * rays + k;
+        float3 sent = (float3)(0.0f);
+        for (int n = 0; n < BLEND; n++) {
+            uint h = links[r * BLEND + n];
+            if (IS_LINK(h)) sent += weights[r * BLEND + n] * load_light(outgoing, h);
+        }
+        v += load3(gain, r) * sent;
+    }
+    light[(s * 3 + 0) * row + k] = v.x;
+    light[(s * 3 + 1) * row + k] = v.y;
+    light[(s * 3 + 2) * row + k] = v.z;
 }

@@ -42,19 +42,22 @@ inline float3 lit_along(SCENE_PARAMETERS, float3 p, float3 d, int t, float u, fl
     return out;
 }
 
-/* the light field's radiance against a ray; whether it has to be followed instead */
-inline float3 known_along(SCENE_PARAMETERS, FIELD_PARAMETERS, float3 d, int t, float u, float v, float distance, float pdf, int *follows)
+/* whether a ray's footprint is too small for the light field to answer it */
+inline int is_fine(__global const float *face_normal, const float least_footprint, float3 d, int t, float distance, float pdf)
 {
     float cosine = fabs(inner(load3(face_normal, t), d));
-    float footprint = distance * distance / larger(pdf * larger(cosine, 0.05f), 1e-6f);
-    if (*follows && footprint < least_footprint) return (float3)(0.0f);
+    return distance * distance / larger(pdf * larger(cosine, 0.05f), 1e-6f) < least_footprint;
+}
+
+/* the light field's radiance against a ray, of the elements of an entry by their weights (PER_ENTRY); whether it has to be followed
+ * instead, if it may */
+inline float3 known_by(SCENE_PARAMETERS, FIELD_PARAMETERS, float3 d, int t, float u, float v, float pdf, uint entry, const float *weight,
+                       int *follows)
+{
+    float brightest = 0.0f;
+    float3 sum = (float3)(0.0f);
     int may = *follows;
     *follows = 0;
-    if (!has_field) return (float3)(0.0f);
-    float weight[PER_ENTRY], brightest = 0.0f;
-    float3 sum = (float3)(0.0f);
-    uint entry = entry_of_point(cells, entries, cell_count, t, u, v, inner(d, load3(face_normal, t)) > 0.0f);
-    if (!weights_at(corners, near_elements, position, entry, t, u, v, weight)) return sum;
     for (int k = 0; k < PER_ENTRY; k++) {
         if (!(weight[k] > 0.0f)) continue;
         uint e = near_elements[(size_t)entry * PER_ENTRY + k];
@@ -68,4 +71,17 @@ inline float3 known_along(SCENE_PARAMETERS, FIELD_PARAMETERS, float3 d, int t, f
     float l = bright(sum);
     *follows = may && pdf < WIDE_PDF && (brightest > UNEVEN * larger(l, usual) || l > BRIGHT * usual);
     return *follows ? (float3)(0.0f) : sum;
+}
+
+/* the light field's radiance against a ray; whether it has to be followed instead */
+inline float3 known_along(SCENE_PARAMETERS, FIELD_PARAMETERS, float3 d, int t, float u, float v, float distance, float pdf, int *follows)
+{
+    if (*follows && is_fine(face_normal, least_footprint, d, t, distance, pdf)) return (float3)(0.0f);
+    float weight[PER_ENTRY];
+    uint entry = entry_of_point(cells, entries, cell_count, t, u, v, inner(d, load3(face_normal, t)) > 0.0f);
+    if (!has_field || !weights_at(corners, near_elements, position, entry, t, u, v, weight)) {
+        *follows = 0;
+        return (float3)(0.0f);
+    }
+    return known_by(SCENE, FIELD, d, t, u, v, pdf, entry, weight, follows);
 }

@@ -44,10 +44,9 @@ inline void weights_of(Lobe o, float3 l, float3 h, float *w, float *lobe_pdf, fl
     }
 }
 
-/* a light direction l of a lobe, and its half vector */
-inline void mirrored_by(float alpha, float3 e, float2 u, float3 *l, float3 *h)
+/* a light direction l that visible normals of GGX mirror the eye to, and its half vector; visible_normal without calls */
+inline void mirrored_by_ggx(float alpha, float3 e, float2 u, float3 *l, float3 *h)
 {
-#if MODEL == 0
     float3 s = unit((float3)(alpha * e.x, alpha * e.y, e.z));
     float z = (1.0f - u.y) * (1.0f + s.z) - s.z;
     float r = sqrt(within(1.0f - z * z, 0.0f, 1.0f));
@@ -55,6 +54,13 @@ inline void mirrored_by(float alpha, float3 e, float2 u, float3 *l, float3 *h)
     float3 m = (float3)(c.x, c.y, z) + s;
     *h = unit((float3)(alpha * m.x, alpha * m.y, larger(m.z, 1e-6f)));
     *l = 2.0f * inner(e, *h) * *h - e;
+}
+
+/* a light direction l of a lobe, and its half vector */
+inline void mirrored_by(float alpha, float3 e, float2 u, float3 *l, float3 *h)
+{
+#if MODEL == 0
+    mirrored_by_ggx(alpha, e, u, l, h);
 #else
     model_draw(alpha, e, u, l, h);
 #endif

@@ -17,11 +17,12 @@ from usdslf.gpu.device import Device
 from usdslf.inference.evidence import Evidence, build_evidence
 from usdslf.inference.samples import gather_samples
 from usdslf.lights.sources import LightSet
+from usdslf.render.live.records import CONSTANTS
 from usdslf.sampling.hemisphere import D
 from usdslf.sampling.low_discrepancy import random_shifts, sobol_points
 from usdslf.scene.records import Light
 from usdslf.strokes.stroke import Stroke
-from usdslf.surfaces.reflectance import gloss_levels
+from usdslf.surfaces.reflectance import gloss_levels, model_of
 
 LEVELS = gloss_levels("preview_surface")
 PHONG_LEVELS = gloss_levels("phong")
@@ -239,20 +240,26 @@ def test_inside_a_furnace_every_column_is_its_albedo(device: Device) -> None:
 
 
 def draw(device: Device, alphas: list[float], counts: list[int], eye: np.ndarray, seed: int = 3) -> tuple:
-    """Rays of one sample by make_rays: local directions (K, 3), world (K, 3), densities (K,), its frame."""
+    """Rays of one sample by draw_rays: local directions (K, 3), world (K, 3), densities (K,), its frame."""
     k = sum(counts)
     technique = np.repeat(np.arange(len(counts)), counts).astype(np.int32)
     u = sobol_points(0, k, random_shifts(1, np.random.default_rng(seed)))
     u = u[0, np.random.default_rng(seed).permutation(k)].astype(np.float32)
     frame = model_ref.frame_about(np.array([0.6, -0.48, 0.64])).astype(np.float32)
-    local_d, world_d = device.empty((k, 3), np.float32), device.empty((k, 3), np.float32)
-    density_d = device.empty((k,), np.float32)
-    device.kernel("evidence", "make_rays", LOBES=len(alphas), PHONG=0)(
-        (-(-k // 64) * 64,), (64,), device.upload(eye.astype(np.float32)), device.upload(frame), device.upload(u),
-        device.upload(technique), device.upload(np.float32(alphas)), device.upload(np.float32(counts)),
-        np.uint32(k), np.uint32(k), local_d, world_d, density_d,
+    row = -(-k // 16) * 16
+    local_d, world_d = device.zeros((3, row), np.float32), device.empty((k, 3), np.float32)
+    length_d, density_d, origin_d = (device.empty(shape, np.float32) for shape in ((k,), (k,), (k, 3)))
+    place_d, normal_d = device.zeros((1, 3), np.float32), device.upload(frame[2])
+    constants = {**CONSTANTS, **model_of("preview_surface").constants}
+    device.kernel("sample_rays", "draw_rays", **constants)(
+        (-(-k // 64) * 64,), (64,), np.uint32(k), np.uint32(0), np.uint32(k), np.uint32(row),
+        device.upload(eye.astype(np.float32)), device.upload(frame), place_d, normal_d, device.upload(u),
+        device.upload(technique), np.int32(len(alphas)), device.upload(np.float32(alphas)),
+        device.upload(np.float32(counts)), local_d, origin_d, world_d, length_d, density_d,
     )  # fmt: skip
-    return *(device.download(x).astype(float) for x in (local_d, world_d, density_d)), frame
+    local, world, density, length = (device.download(x) for x in (local_d, world_d, density_d, length_d))
+    np.testing.assert_array_equal(length > 0, density != 0)
+    return local.T[:k].astype(float), world.astype(float), density.astype(float), frame
 
 
 @pytest.mark.parametrize("cosine", [0.95, 0.5, 0.1])
@@ -263,7 +270,7 @@ def test_visible_normals_are_drawn_by_their_density(device: Device, alpha: float
     eye = model_ref.eye_at(cosine, 0.7)
     local, world, density, frame = draw(device, [alpha], [0, k], eye)
     np.testing.assert_allclose(np.linalg.norm(local, axis=1), 1, atol=1e-5)
-    np.testing.assert_allclose(world, local @ frame, atol=1e-5)
+    np.testing.assert_allclose(world, np.where(local[:, 2:] < 0, local * [1, 1, -1], local) @ frame, atol=1e-5)
     up = local[:, 2] > 1e-3
     exact = model_ref.visible_normal_density(alpha, eye, local[up])
     np.testing.assert_allclose(density[up], k * exact, rtol=2e-3 + 3e-7 / alpha**2)

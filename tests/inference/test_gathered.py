@@ -113,7 +113,7 @@ def test_no_more_is_kept_than_the_limit(path: Path) -> None:
     session.add_stroke(painted("stroke_0001", 1.3))
     session.solve()
     (kept,) = session.solution.painted
-    size = kept.samples.fixed.nbytes
+    size = kept.samples.light.fixed_d.nbytes
     traced: list[str] = []
 
     def ask(store: Gathered, name: str) -> None:

@@ -72,7 +72,7 @@ def test_columns_are_the_finite_differences_of_one_bounce(session: Any) -> None:
                 _weights(field.surface, rows) - _weights(start, rows),
                 start.roughness[rows],
             )
-            seen = field.follow_links(painted.samples.links_d, painted.samples.weights_d, other)
+            seen = field.follow_links(painted.samples.light.links_d, painted.samples.light.weights_d, other)
             arriving = (seen.reshape(receiver.carry.shape) * receiver.carry).sum(1)
             n = len(now)
             change = np.stack([arriving[evidence.dab_of_sample == i].mean(0) for i in range(n)])

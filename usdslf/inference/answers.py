@@ -117,13 +117,16 @@ class Painted:
     wanted: NDArray | None = None  # (n, 3) what its tool asks of the light before any edit; None: its colours
     name: str = ""  # of all that it was gathered from, on its shot; "" where that is not known
 
-    def evidence(self, field: LightField, is_weighed: bool = True) -> Evidence:
+    def evidence(self, field: LightField, is_weighed: bool = True, on_levels: bool = False) -> Evidence:
         """The evidence under the light of now.
 
         Args:
-            is_weighed: explanations will be weighed by it, for which unpainted directions count.
+            is_weighed: explanations will be weighed by it, for which all levels and unpainted directions count.
+            on_levels: all levels do in any case.
         """
-        return build_evidence(self.stroke, self.rows, self.samples, field, self.wanted, is_weighed)
+        return build_evidence(
+            self.stroke, self.rows, self.samples, field, self.wanted, is_weighed, is_weighed or on_levels
+        )
 
 
 def means_of(t: Tables, c: Candidate) -> tuple[dict[str, NDArray], dict[str, NDArray]]:

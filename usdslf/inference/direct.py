@@ -88,7 +88,8 @@ def _rounds(answers: list[Answer], painted: list[Painted], original: Surface, as
     step, share = changes_of_answers(answers), 1.0
     for number in range(MOST_ROUNDS):
         _send_round(changed_surface(original, field, ask.scene, answers, painted), painted, ask)
-        evidence = [p.evidence(field, is_weighed=False) for p in painted]
+        varies = any(a.varying and a.varying.parameter == "glossiness" for a in answers)
+        evidence = [p.evidence(field, False, True) if varies else p.evidence(field, False) for p in painted]
         answers = [after_bounce(a, evidence, painted, field) for a in answers]
         done = kept is not None and _is_settled(answers, kept)
         if kept is None or mean_residual(answers) <= mean_residual(kept) * 1.02:

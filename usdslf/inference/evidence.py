@@ -1,10 +1,8 @@
 """Evidence: what light arrives where something was painted, and what each reflectance would make of it.
 
-A stroke is laid as dabs; each dab holds some hundred surface points over its footprint as the painter saw it.  At
-every point rays are drawn from a mixture of a cosine and GGX lobes about the eye's mirror direction, and one
-set of rays serves all levels of roughness.  Hits take the light field, misses the dome at full resolution,
-lights are sampled with shadow rays, and all are joined by the balance heuristic.  The unpainted directions,
-which tell a highlight from a colour, come from the bins of the nearest element.
+A stroke is laid as dabs; each dab holds some hundred surface points over its footprint as the painter saw it
+(samples.py), and light arrives at each along rays (sample_rays.py).  The unpainted directions, which tell a
+highlight from a colour, come from the bins of the nearest element.
 
 Source: Nguyen et al. 2013, 5.3 (Eq. 2); Veach 1997 (multiple importance sampling); Heitz 2018 (visible normals).
 """
@@ -19,8 +17,9 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from usdslf.inference.samples import LOBE_ROUGHNESS, SHARPEST, Beside, Samples, by_sixteen
+from usdslf.inference.samples import SHARPEST, Beside, Samples
 from usdslf.light_field.light_field import LightField
+from usdslf.light_field.storage import constants_of
 from usdslf.sampling.hemisphere import SOLID_ANGLE, D, bin_directions
 from usdslf.strokes.stroke import Stroke
 from usdslf.surfaces.reflectance import gloss_levels, lobe_parameter, model_of, moved_roughness
@@ -61,19 +60,20 @@ class Evidence:
 
 def build_evidence(
     stroke: Stroke, stroke_row: NDArray, samples: Samples, field: LightField, wanted: NDArray | None = None,
-    is_weighed: bool = True,
+    is_weighed: bool = True, on_levels: bool = True,
 ) -> Evidence:  # fmt: skip
     """Turns the light that arrives now into columns, on all levels and in unpainted directions too.
 
     Args:
         wanted: (n, 3) radiance that the stroke's tool asks for; None: the stroke's colours.
         is_weighed: False: without unpainted directions.
+        on_levels: False: for the samples' own roughness alone.
     """
     surface = samples.surface
     n = len(stroke_row)
     own = surface.roughness.astype(np.float64)
     first = np.searchsorted(samples.dab, np.arange(n))
-    levels = sample_levels(own, float(own[samples.dab < n].mean()), field.model)
+    levels = sample_levels(own, float(own[samples.dab < n].mean()), field.model) if on_levels else own[:, None]
     columns = single_columns(samples, field, levels)
     background_sample, background = np.zeros(0, np.int64), np.zeros((0, *columns.shape[1:]))
     if is_weighed:
@@ -102,12 +102,22 @@ def varies(roughness: NDArray) -> bool:
     return float(np.ptp(roughness)) > VARIED
 
 
-def arriving_light(samples: Samples, field: LightField, specular: bool = False) -> NDArray[np.float32]:
-    """Returns radiance over density (S, K, 3) of all rays and light samples, with the light field of now."""
-    light = (samples.fixed if not specular or samples.fixed_specular is None else samples.fixed_specular).copy()
-    moving = field.follow_links(samples.links_d, samples.weights_d).reshape(len(light), samples.ray_count, 3)
-    light[:, : samples.ray_count] += samples.gain[:, : samples.ray_count] * moving
-    return light
+def arriving_light(samples: Samples, field: LightField, specular: bool = False) -> Any:
+    """Returns radiance over density of all rays and light samples, a device array (S, 3, row) as of RayLight.
+
+    Args:
+        field: whose light of now surfaces send.
+        specular: by the lights' specular factors.
+    """
+    device, of = field.device, samples.light
+    shape = of.fixed_d.shape
+    light_d, count = device.empty(shape, np.float32), shape[0] * shape[2]
+    fixed_d = of.fixed_specular_d if specular else of.fixed_d
+    device.kernel("evidence", "add_arriving", **model_of(field.model).constants, **constants_of(field.outgoing_d))(
+        (-(-count // 64) * 64,), (64,), np.uint32(count), np.uint32(of.rays), np.uint32(shape[2]), fixed_d, of.gain_d,
+        of.links_d, of.weights_d, field.outgoing_d, light_d,
+    )  # fmt: skip
+    return light_d
 
 
 def evaluate_columns(
@@ -126,26 +136,26 @@ def single_columns(
 ) -> NDArray[np.float32]:
     """Returns the same in single precision, for many levels."""
     levels = np.maximum(levels, SHARPEST)
-    rows = np.arange(len(samples.eye))
-    found = _columns(field, samples.eye, rows, samples.towards_d, arriving_light(samples, field), levels, model)
-    if samples.fixed_specular is not None:
-        light = arriving_light(samples, field, specular=True)
-        found[:, :, 2:] = _columns(field, samples.eye, rows, samples.towards_d, light, levels, model)[:, :, 2:]
+    rows, of = np.arange(len(samples.eye)), samples.light
+    found = _columns(field, samples.eye, rows, of.towards_d, arriving_light(samples, field), levels, model)
+    if of.fixed_specular_d is not of.fixed_d:
+        light_d = arriving_light(samples, field, specular=True)
+        found[:, :, 2:] = _columns(field, samples.eye, rows, of.towards_d, light_d, levels, model)[:, :, 2:]
     return found
 
 
 def _columns(
-    field: LightField, eye: NDArray, light_row: NDArray, towards_d: Any, light: NDArray, levels: NDArray,
+    field: LightField, eye: NDArray, light_row: NDArray, towards_d: Any, light_d: Any, levels: NDArray,
     model: str | None = None,
 ) -> NDArray[np.float32]:  # fmt: skip
     device, (s, j) = field.device, levels.shape
     out_d = device.empty((s, j, 4, 3), np.float32)
     model = model or field.model
     parameters = lobe_parameter(model, levels).astype(np.float32)
-    kernel = device.kernel("evidence", "columns", LOBES=len(LOBE_ROUGHNESS), **model_of(model).constants)
+    kernel = device.kernel("evidence", "columns", **model_of(model).constants)
     kernel(
-        (j, s), None, device.upload(eye.astype(np.float32)), device.upload(light_row.astype(np.int32)), towards_d,
-        device.upload(by_sixteen(light)), device.upload(parameters), np.uint32(-(-light.shape[1] // 16)),
+        (-(-s // 64) * 64,), (64,), device.upload(eye.astype(np.float32)), device.upload(light_row.astype(np.int32)),
+        towards_d, light_d, device.upload(parameters), np.uint32(light_d.shape[2] // 16),
         np.uint32(j), np.uint32(s), out_d,
     )  # fmt: skip
     found: NDArray[np.float32] = device.download(out_d)
@@ -165,9 +175,17 @@ def _background(samples: Samples, field: LightField, levels: NDArray, first: NDA
     eye = np.tile(directions[chosen], (n, 1))
     rows = np.repeat(np.arange(n), w)
     towards_d = field.device.upload(by_sixteen(np.broadcast_to(directions, (n, D, 3))))
-    light = incident * np.float32(SOLID_ANGLE)
+    light_d = field.device.upload(by_sixteen(incident * np.float32(SOLID_ANGLE)))
     clamped = np.maximum(levels[first][rows], SHARPEST_BACKGROUND)
-    return first[rows], _columns(field, eye, rows, towards_d, light, clamped)
+    return first[rows], _columns(field, eye, rows, towards_d, light_d, clamped)
+
+
+def by_sixteen(rows: NDArray) -> NDArray[np.float32]:
+    """Lays rows (R, K, 3) out as (R, 3, K') with K filled up to a multiple of 16 by zeros."""
+    r, k, _ = rows.shape
+    out = np.zeros((r, 3, -(-k // 16) * 16), np.float32)
+    out[:, :, :k] = rows.transpose(0, 2, 1)
+    return out
 
 
 def unchanging_radiance(samples: Samples, field: LightField) -> NDArray[np.float64]:

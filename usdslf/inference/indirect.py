@@ -262,7 +262,7 @@ def _serves(fitted: Fitted, strokes: _Strokes, field: LightField) -> list[tuple[
 
 def _share(painted: Painted, material: int, field: LightField) -> float:
     """How many of a stroke's rays meet a material."""
-    links = field.device.download(painted.samples.links_d)[:, 0]
+    links = field.device.download(painted.samples.light.links_d)[:, 0]
     met = element_of(links[is_link(links)])
     return float((field.elements.material[met] == material).sum()) / max(len(links), 1)
 

@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING
 
 from usdslf.light_field.light_field import LightField
 from usdslf.lights.sources import LightSet
-from usdslf.render.gather import Gatherer
+from usdslf.render.live.gather import PathRoom
+from usdslf.render.live.materials import MaterialTable
+from usdslf.render.live.scene import Geometry, LiveScene, SentLight
 
 if TYPE_CHECKING:
     from usdslf.rays import RayTracer
@@ -17,22 +19,25 @@ FOOTPRINT = 4.0  # element areas below which a ray's footprint is followed
 
 @dataclass(frozen=True)
 class Pictured:
-    """What light arrives anywhere: light field, lights, and the gatherer of pictures that follows rays."""
+    """What light arrives anywhere: light field, lights, and both on the device as pictures follow rays."""
 
     tracer: RayTracer
     field: LightField
     lights: LightSet
-    gatherer: Gatherer | None  # None: light is what the light field sends
+    scene: LiveScene
+    room: PathRoom
+    depth: int = DEPTH  # 0: light is what the light field sends
 
     @property
     def as_sent(self) -> Pictured:
         """The light that the light field sends, caustics too, of which the few rays that are followed lose a third."""
-        return replace(self, gatherer=None)
+        return replace(self, depth=0)
 
     @staticmethod
     def of(tracer: RayTracer, field: LightField, lights: LightSet) -> Pictured:
-        """Makes the gatherer for a light field as it is now."""
+        """Puts a light field as it is now on the device with all that shines."""
         area = float(field.elements.area.mean()) if len(field.elements) else 0.0
-        return Pictured(
-            tracer, field, lights, Gatherer(tracer.scene, tracer, lights, field, field.device, area, DEPTH, FOOTPRINT)
-        )
+        geometry = Geometry.of(field.device, tracer.scene, tracer, lights, field, max(len(lights.sources), 1))
+        table = MaterialTable.of(geometry.pool, tracer.scene.materials)
+        light = SentLight.unguided(geometry, field, FOOTPRINT * area)
+        return Pictured(tracer, field, lights, LiveScene(geometry, table, light), PathRoom(geometry))

@@ -57,13 +57,13 @@ class Receiver:
 def make_receiver(painted: Painted, evidence: Evidence, field: LightField, is_fixed: bool) -> Receiver:
     """Prepares a stroke as a receiver; a fixate stroke wants what it has now."""
     samples, surface = painted.samples, evidence.surface
-    count = samples.ray_count
-    local = field.device.download(samples.towards_d)[:, :, :count].transpose(0, 2, 1)
+    count, light = samples.light.rays, samples.light
+    local = field.device.download(light.towards_d)[:, :, :count].transpose(0, 2, 1)
     width = lobe_parameter(field.model, np.maximum(surface.roughness, SHARPEST))[:, None]
     x = columns(field.model, width, samples.eye[:, None], local)  # (S, K, 4)
     weight = column_weights(field.model, surface.diffuse, surface.f0, surface.f90)  # (S, 4, 3)
-    carry = np.einsum("skc,scr->skr", x, weight) * samples.gain[:, :count]
-    all_links = field.device.download(samples.links_d)
+    carry = np.einsum("skc,scr->skr", x, weight) * field.device.download(light.gain_d).reshape(len(x), count, 3)
+    all_links = field.device.download(light.links_d)
     elements = np.unique(element_of(all_links[is_link(all_links)])).astype(np.int64)
     links = all_links[:, 0].reshape(len(x), count)
     n = len(evidence.target)
@@ -111,8 +111,8 @@ def carried(receivers: list[Receiver], field: LightField, field_d: object) -> F6
     """Carries a field along all receivers' rays to their dabs, in order: (n, 3)."""
     arriving = []
     for r in receivers:
-        samples = r.painted.samples
-        radiance = field.follow_links(samples.links_d, samples.weights_d, field_d)
+        light = r.painted.samples.light
+        radiance = field.follow_links(light.links_d, light.weights_d, field_d)
         sent = (radiance.reshape(r.carry.shape) * r.carry).sum(1, dtype=np.float64)
         arriving.append(mean_by(sent, r.dab_of_sample)[: len(r.target)])
     return np.concatenate(arriving)

@@ -161,17 +161,6 @@ class Gatherer:
             done = [part for _, part in told(parts)]
         return (np.concatenate(c) for c in zip(*done, strict=True))
 
-    def reflected_along(self, origin: F32, geometric_normal: F32, direction: F32, pdf: F32, seed: int = 0) -> F32:
-        """Returns the radiance (n, 3) that surfaces reflect along rays from points, as pictures see it.
-
-        Args:
-            origin: (n, 3) off the surface; geometric_normal: (n, 3) on the side that the rays leave.
-            direction: (n, 3) unit; pdf: (n,) with which each was drawn [1/sr].
-        """
-        ratio = np.zeros((len(origin), len(self.lights.sources)), np.float32)
-        rays = _Rays(origin, geometric_normal, direction, pdf, pdf, ratio, np.arange(len(pdf), dtype=np.uint32), pdf)
-        return self._incoming(rays, 1, seed)[1]
-
     def _sample_lights(
         self, p: ShadingPoints, place: NDArray[np.uint32], near_place: NDArray[np.uint32], rays: int,
         light_samples: int, seed: int, times: int = 0,

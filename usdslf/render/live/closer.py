@@ -180,7 +180,7 @@ def _add(scene: LiveScene, view: View, found: _Found) -> None:
         room.host[:] = np.concatenate(values)[order]
         room.push()
     nth = np.arange(len(pixel)) - np.searchsorted(pixel, pixel) + 1
-    rows = Rows(scene, hits, pixel, nth, np.concatenate(found.share)[order], view.window, view.size[0])
+    rows = Rows(scene, hits, view.window, view.size[0], pixel, nth, np.concatenate(found.share)[order])
     fill_rows(scene, rows, view.pixel_size)
     fill_soft(scene, rows)
     first = Shared(device, (view.window.count + 1,), np.uint32, is_clean=False)

@@ -32,23 +32,34 @@ class Columns:
         self.moments = Shared(device, (max(count, 1), 2), np.float32)
 
 
-class GatherRoom:
-    """Room for gathering a batch of rows, and the numbers that frames are drawn by."""
+class PathRoom:
+    """Room for 2 * BATCH rays, and for following some of them."""
 
     def __init__(self, geometry: Geometry) -> None:
-        """Makes room for BATCH rows and their rays."""
-        device, streams = geometry.device, geometry.sources.streams
+        device = geometry.device
         self.lock = threading.RLock()  # of all that works with it
-        self._device, self._streams = device, streams
         make = lambda shape, dtype=np.float32: Shared(device, shape, dtype)  # noqa: E731
         self.lobes, self.paths = Hits(device, 2 * BATCH), Hits(device, 2 * BATCH)
-        self.to_sources, self.path_shadows = Shadows(device, max(streams, 1) * BATCH), Shadows(device, 2 * BATCH)
-        self.shone, self.drawn = make((max(streams, 1) * BATCH, 8)), make((2 * BATCH, r.DRAWN_RAY))
+        self.path_shadows = Shadows(device, 2 * BATCH)
         self.arrived, self.surface = make((2 * BATCH, 8)), make((2 * BATCH, r.SURFACE))
         self.state, self.path_state = make((2 * BATCH, r.PATH)), make((2 * BATCH, r.PATH))
         self.more_paths, self.more_state = Hits(device, 2 * BATCH), make((2 * BATCH, r.PATH))
         self.followed, self.who = make((2 * BATCH,), np.uint8), make((2 * BATCH,), np.int32)
-        self.all, self.rows = counting(device, 2 * BATCH), make((BATCH,), np.uint32)
+        self.all = counting(device, 2 * BATCH)
+
+
+class GatherRoom(PathRoom):
+    """Room for gathering a batch of rows, and the numbers that frames are drawn by."""
+
+    def __init__(self, geometry: Geometry) -> None:
+        """Makes room for BATCH rows and their rays."""
+        super().__init__(geometry)
+        device, streams = geometry.device, geometry.sources.streams
+        self._device, self._streams = device, streams
+        make = lambda shape, dtype=np.float32: Shared(device, shape, dtype)  # noqa: E731
+        self.to_sources = Shadows(device, max(streams, 1) * BATCH)
+        self.shone, self.drawn = make((max(streams, 1) * BATCH, 8)), make((2 * BATCH, r.DRAWN_RAY))
+        self.rows = make((BATCH,), np.uint32)
         self._numbers: tuple[tuple[int, int, bool], Any] = ((-1, 0, False), None)
 
     def numbers(self, draw: Draw) -> Any:
@@ -127,7 +138,7 @@ def gather_batch(
         lobes.direction, lobes.length, lobes.triangle, lobes.u, lobes.v, lobes.distance, room.drawn, n,
         room.rows, part.identity, room.arrived, room.state, room.followed,
     )  # fmt: skip
-    _follow(scene, room, sent, draw)
+    follow(scene, room, sent, draw.depth, draw.seed)
     add(count)
     g.device.finish()  # before the room is written to again
 
@@ -148,13 +159,19 @@ def add_frame(
     return add
 
 
-def _follow(scene: LiveScene, room: GatherRoom, sent: int, draw: Draw) -> None:
-    """Follows rays of the first surfaces that the light field has no good answer for."""
+def follow(scene: LiveScene, room: PathRoom, sent: int, most: int, seed: int) -> None:
+    """Follows rays that the light field has no good answer for, and adds what they bring to what has arrived.
+
+    Args:
+        room: its first `sent` rays have met something, and it says which of them are followed.
+        most: surfaces that each is followed to.
+        seed: of what they draw.
+    """
     g = scene.geometry
     shared, field = scene.arguments(), scene.field_arguments()
     source, state, count = room.lobes, room.state, sent
     spare, spare_state = room.paths, room.path_state
-    for depth in range(1, draw.depth + 1):
+    for depth in range(1, most + 1):
         room.followed.pull()
         who = np.flatnonzero(room.followed.host[:count])
         count = len(who)
@@ -170,13 +187,13 @@ def _follow(scene: LiveScene, room: GatherRoom, sent: int, draw: Draw) -> None:
         scene.evaluate(spare, room.all, count, room.surface)
         shadows = room.path_shadows
         g.kernel("live_gather", "scatter")(
-            groups(count), (GROUP,), n, np.uint32((draw.seed * 8 + depth) * 7919 % 2**32), room.surface, *shared,
+            groups(count), (GROUP,), n, np.uint32((seed * 8 + depth) * 7919 % 2**32), room.surface, *shared,
             spare_state, *shadows.arguments, spare.origin, spare.direction, spare.length,
         )  # fmt: skip
         shadows.trace(g.tracer, count)
         spare.trace(g.tracer, count)
         g.kernel("live_gather", "arrive_on_path")(
-            groups(count), (GROUP,), n, np.int32(depth < draw.depth), *shared, *field, spare.origin, spare.direction,
+            groups(count), (GROUP,), n, np.int32(depth < most), *shared, *field, spare.origin, spare.direction,
             spare.length, spare.triangle, spare.u, spare.v, spare.distance, shadows.length, shadows.blocked,
             spare_state, room.arrived, room.followed,
         )  # fmt: skip

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from usdslf.color import luminance
 from usdslf.elements.lookup import DeviceLookup
 from usdslf.gpu.device import Device, Kernel
 from usdslf.gpu.shared import Shared
@@ -123,15 +124,24 @@ class SentLight:
         device.kernel("live_field", "soft_irradiance", **constants_of(field.outgoing_d))(
             groups(n), (GROUP,), np.uint32(n), field.hit_d, field.outgoing_d, field.emission_d, field.cosine_d, soft_d
         )
-        mean = device.download(wide.mean_d).mean((0, 1)) @ np.array([0.2126, 0.7152, 0.0722])
         area = float(geometry.scene.triangles.areas.sum()) / n
         outgoing_d = field.outgoing_d
         if constants_of(outgoing_d) != geometry.stored:  # a light field of an edit that is stored in another way
             outgoing_d = device.upload(field.radiance().astype(np.float16 if geometry.stored else np.float32))
         return SentLight(
             field, outgoing_d, wide.mean_d, device.upload(guide.arriving), guide.cumulative_d, soft_d,
-            float(mean), FOOTPRINT * area if footprint is None else footprint,
+            _luminance_of(geometry, wide.mean_d), FOOTPRINT * area if footprint is None else footprint,
         )  # fmt: skip
+
+    @staticmethod
+    def unguided(geometry: Geometry, field: LightField, footprint: float) -> SentLight:
+        """Sums a light field up for rays that others draw."""
+        mean_d, none = WideField(geometry.device, field).mean_d, geometry.device.zeros((1, 3), np.float32)
+        return SentLight(field, field.outgoing_d, mean_d, none, none, none, _luminance_of(geometry, mean_d), footprint)
+
+
+def _luminance_of(geometry: Geometry, mean_d: Any) -> float:
+    return float(luminance(geometry.device.download(mean_d).mean((0, 1))))
 
 
 @dataclass(frozen=True)

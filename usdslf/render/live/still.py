@@ -149,7 +149,7 @@ class StillPicture:
         limit = hits.length.host + travelled
         hits.distance.host[:] += travelled
         hits.distance.push()
-        rows = Rows(self.scene, hits, np.arange(n), 0, np.ones(n, np.float32), window, self.samples[0])
+        rows = Rows(self.scene, hits, window, self.samples[0])
         per_distance = float(pixel_size(self.camera, np.ones(1), self.size)[0])
         fill_rows(self.scene, rows, per_distance if self.camera.perspective else -per_distance)
         least = max(self.quality.antialias, 2 ** int(np.ceil(np.log2(SMALLEST_SET / self._frames) / 2)))

@@ -40,6 +40,11 @@ class Window:
         """Its pixels."""
         return self.width * self.height
 
+    @property
+    def axes(self) -> tuple[NDArray, NDArray]:
+        """The x (1, width) and y (height, 1), in the picture, of its pixels."""
+        return self.x + np.arange(self.width)[None], self.y + np.arange(self.height)[:, None]
+
     def with_border(self, border: int, size: tuple[int, int]) -> Window:
         """Returns it with so many pixels more on each side, within a picture of a size."""
         x, y = max(self.x - border, 0), max(self.y - border, 0)
@@ -61,20 +66,20 @@ class Rows:
     """n rows and all that is known of them."""
 
     def __init__(
-        self, scene: LiveScene, hits: Hits, pixel: NDArray, nth: NDArray | int, share: NDArray, window: Window,
-        width: int,
+        self, scene: LiveScene, hits: Hits, window: Window, width: int, pixel: NDArray | None = None,
+        nth: NDArray | int = 0, share: NDArray | float = 1.0,
     ) -> None:  # fmt: skip
         """Makes room for the surfaces of hits.
 
         Args:
-            pixel: (n,) of the window, of each row.
-            nth: (n,) of each among those of its pixel, from 1; 0: of the grid.
-            share: (n,) of its pixel that each is.
             window: whose pixels they are.
             width: of the whole picture [pixels].
+            pixel: (n,) of the window, of each row; None: the grid, all of them.
+            nth: (n,) of each among those of its pixel, from 1.
+            share: (n,) of its pixel that each is.
         """
         device = scene.geometry.device
-        self.count, self.hits = len(pixel), hits
+        self.count, self.hits = window.count if pixel is None else len(pixel), hits
         n = max(self.count, 1)
         make = lambda shape, dtype=np.float32: Shared(device, shape, dtype, is_clean=False)  # noqa: E731
         self.surface, self.guide, self.soft = make((n, r.SURFACE)), make((n, r.GUIDE)), make((n, 3))
@@ -83,11 +88,12 @@ class Rows:
         self.sharp_place = self.place  # of rays of the specular lobe
         self.radiance = Shared(device, (n, 3), np.float32)  # that each sends to the eye
         self.unshaded: list[NDArray[np.uint32]] = []  # rows of which that is not so any more
-        self.pixel.host[: self.count], self.share.host[: self.count] = pixel, share
-        x, y = window.places(pixel)
-        self.place.host[: self.count] = PLACES[y % r.TILE, x % r.TILE]
+        self.pixel.host[: self.count] = np.arange(self.count, dtype=np.uint32) if pixel is None else pixel
+        self.share.host[: self.count] = share
+        x, y = window.axes if pixel is None else window.places(pixel)
+        self.place.host[: self.count] = PLACES[y % r.TILE, x % r.TILE].reshape(-1)
         self.place.host[: self.count] ^= np.asarray(np.asarray(nth) * 21 % r.SET, np.uint8)
-        self.identity.host[: self.count] = (y * width + x + np.asarray(nth) * APART) & 0xFFFFFFFF
+        self.identity.host[: self.count] = ((y * width + x).reshape(-1) + np.asarray(nth) * APART) & 0xFFFFFFFF
         self.all.host[:] = np.arange(n)
         for a in (self.pixel, self.share, self.place, self.all, self.identity):
             a.push()
@@ -171,7 +177,7 @@ def look(
     if hide_lights:
         hits.triangle.pull()
     backdrop = Shared(device, (n, 3), np.float32) if hide_lights else see_lights(scene, hits, n)
-    grid = Rows(scene, hits, np.arange(n), 0, np.ones(n, np.float32), window, size[0])
+    grid = Rows(scene, hits, window, size[0])
     of_distance = float(pixel_size(camera, np.ones(1), size)[0]) * (1 if camera.perspective else -1)
     view = View(scene, camera, size, window, grid, backdrop, of_distance)
     fill_rows(scene, grid, of_distance)
