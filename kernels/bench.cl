@@ -11,3 +11,20 @@ __kernel void copy(
         return;
     out[i] = in[i];
 }
+
+/* multiply-adds of sixteen lanes: CHAINS of them side by side, so that none waits for the one before */
+#define CHAINS 8
+__kernel void multiply_add(
+    const uint rounds,
+    const float by,
+    __global float16 *out)          /* (items) */
+{
+    size_t i = get_global_id(0);
+    float16 a[CHAINS];
+    for (int k = 0; k < CHAINS; k++) a[k] = (float)(i + k);
+    for (uint n = 0; n < rounds; n++)
+        for (int k = 0; k < CHAINS; k++) a[k] = fma(a[k], (float16)(by), (float16)(1.0f));
+    float16 sum = 0.0f;
+    for (int k = 0; k < CHAINS; k++) sum += a[k];
+    out[i] = sum;
+}

@@ -1,7 +1,8 @@
 """Bench: time of each step beside what the machine can do at most, in the same run.
 
-Limits: embreex's own run() on the same rays for visibility, a copy kernel over the same bytes for a bounce, bounces of
-this light field for stylize: each asks for 21 levels of roughness in a round, of which a bounce reflects two.
+Limits: embreex's own run() on the same rays for visibility; for a bounce the larger of a copy kernel over the same
+bytes and of its products at the rate of a kernel that only multiplies and adds; bounces of this light field for
+stylize: each asks for 21 levels of roughness in a round, of which a bounce reflects two.
 Paper: Nguyen et al. 2013, table of section 7, 10000 elements on a GPU of 2012.
 """
 
@@ -164,7 +165,7 @@ def _moved(session: Session) -> tuple[float, str, float]:
 
 
 def _bounce(session: Session) -> tuple[float, str, float]:
-    """Time of a bounce, and of a copy of as many bytes."""
+    """Time of a bounce, and the larger of those of a copy of as many bytes and of as many multiply-adds."""
     field = session.light_field
 
     def bounce() -> None:
@@ -173,7 +174,10 @@ def _bounce(session: Session) -> tuple[float, str, float]:
 
     seconds = _best(bounce)
     links = len(session.elements) * D
-    return seconds, "copy kernel over the same bytes", links * BYTES_OF_LINK / copy_bandwidth(session.device)
+    copied = links * BYTES_OF_LINK / copy_bandwidth(session.device)
+    multiplied = field.products() / multiply_add_rate(session.device)
+    what = "copy kernel over the same bytes" if copied > multiplied else "as many multiply-adds"
+    return seconds, what, max(copied, multiplied)
 
 
 def _moved_by_bounce(session: Session) -> int:
@@ -195,6 +199,18 @@ def copy_bandwidth(device: Device, size: int = 1 << 28) -> float:
 
     copy()
     return 2 * size / _best(copy)
+
+
+def multiply_add_rate(device: Device, items: int = 1 << 14, rounds: int = 512) -> float:
+    """Returns multiply-adds a second of a kernel that does nothing else."""
+    out_d, kernel = device.empty((items, 16), np.float32), device.kernel("bench", "multiply_add")
+
+    def multiply() -> None:
+        kernel((items,), (64,), np.uint32(rounds), np.float32(0.5), out_d)
+        device.finish()
+
+    multiply()
+    return 8 * 16 * items * rounds / _best(multiply)
 
 
 def _best(work: Callable[[], object], repeats: int = REPEATS) -> float:

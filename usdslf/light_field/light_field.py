@@ -28,7 +28,7 @@ from usdslf.light_field.links import follow_links, link_rays
 from usdslf.light_field.preconvolution import LevelKernel, build_level, fresnel_diffuse
 from usdslf.light_field.storage import USUAL, Storage, constants_of, require_device
 from usdslf.light_field.surface import CHANGED, Surface, changed_rows
-from usdslf.light_field.symmetry import ALIKE, QUARTER, blocks_of
+from usdslf.light_field.symmetry import ALIKE, QUARTER, SIZES, blocks_of
 from usdslf.light_field.visibility import Visibility
 from usdslf.progress import tell
 from usdslf.sampling.hemisphere import D, bin_directions
@@ -228,6 +228,17 @@ class LightField:
         self.waits[:], self.renewed = 0, None
         apart, total = device.download(scratch.difference_d).sum(0, dtype=np.float64)
         return float(apart / total) if total > 0 else 0.0
+
+    def products(self) -> float:
+        """Returns how many multiply-adds of weights and light a bounce of all elements is."""
+        if self._blocks is None:
+            self._blocks = blocks_of_surface(self.device, self.surface, self.model, np.arange(len(self.elements)))
+        folded, total = float(sum(n * n for n in SIZES)), 0.0
+        for blocks in self._blocks:
+            levels = [self.level(j)[0] for j in blocks.levels]
+            of_lobes = sum(2 * folded if level.tap is None else 2 * len(level.tap) for level in levels)
+            total += blocks.count * LANES * 3 * (folded + of_lobes)
+        return total
 
     def respond(self, element: NDArray, weights: NDArray, roughness: NDArray) -> Any:
         """What some elements would send out with other weights of the columns, from the light that arrives now.
