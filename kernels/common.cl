@@ -17,6 +17,7 @@
 #if HALF_LIGHT
 typedef half light_t;
 #define load_light(rows, i) vload_half3(i, rows)
+#define light_at(rows, i) vload_half(i, rows)
 #define load_light4(from) vload_half4(0, from)
 #define load_light16(from) vload_half16(0, from)
 #define store_light(v, rows, i) vstore_half3(v, i, rows)
@@ -24,6 +25,7 @@ typedef half light_t;
 #else
 typedef float light_t;
 #define load_light(rows, i) vload3(i, rows)
+#define light_at(rows, i) ((rows)[i])
 #define load_light4(from) vload4(0, from)
 #define load_light16(from) vload16(0, from)
 #define store_light(v, rows, i) vstore3(v, i, rows)

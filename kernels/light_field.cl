@@ -154,10 +154,9 @@ __kernel void gather_folded(__global const int *order, __global const uint *hit,
                     share[lane] = IS_LINK(h) ? there[lane] : 0.0f;
                     from[lane] = IS_LINK(h) ? h : 0;
                 }
-                for (int lane = 0; lane < LANES; lane++) {
-                    float3 v = there[lane] * load_light(fixed, at[lane]) + share[lane] * load_light(outgoing, from[lane]);
-                    rgb[0][lane] = v.x; rgb[1][lane] = v.y; rgb[2][lane] = v.z;
-                }
+                for (int c = 0; c < 3; c++)
+                    for (int lane = 0; lane < LANES; lane++)
+                        rgb[c][lane] = there[lane] * light_at(fixed, 3 * at[lane] + c) + share[lane] * light_at(outgoing, 3 * from[lane] + c);
                 for (int c = 0; c < 3; c++) {
                     float16 a = vload16(0, rgb[c]);
                     sum[c] += a;
