@@ -3,8 +3,8 @@
     measure_growth(axes, most, folder, device, say) -> Growth by axis; also in folder/growth.json
     lines_of_growth(found)                             the table that people read
 
-Each size runs in a process of its own.  The exponent p of time ~ size^p is the slope through the largest sizes in
-logarithms, where what does not grow counts least; 1 is linear.
+Each size runs in a process of its own; seconds are those of all processors together.  The exponent p of time ~ size^p
+is the slope through the largest sizes in logarithms, where what does not grow counts least; 1 is linear.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ RESULTS = "growth.json"
 
 Point = dict[str, Any]
 Growth = dict[str, list[Point]]
-"""Of each axis its points: size, seconds by step, memory [bytes]."""
+"""Of each axis its points: size, processors' seconds by step, memory [bytes]."""
 
 
 def measure_growth(

@@ -50,7 +50,7 @@ def _draw(plot: Any, axis: str, points: list[Point]) -> None:
         plot.loglog(sizes, values, "-", linewidth=1, label=f"{step}: {exponent(sizes, values):.2f}")
     plot.loglog(sizes, [times[-1] * s / sizes[-1] for s in sizes], ":", color="0.6", label="linear")
     plot.set_xlabel(axis)
-    plot.set_ylabel("seconds")
+    plot.set_ylabel("processor seconds")
     plot.set_ylim(bottom=max(1e-3, min(times) / 100))
     memory = plot.twinx()
     memory.loglog(sizes, [p["memory"] / 2**30 for p in points], "s--", color="tab:red", markersize=3, linewidth=1)
