@@ -14,6 +14,9 @@ from typing import Any
 
 from usdslf import LookReview
 
+MEANS = {"diffuseColor": "diffuse", "specularColor": "specular", "roughness": "roughness"}
+"""Inputs, and the means over what was painted that belong to them."""
+
 
 @dataclass(frozen=True)
 class Row:
@@ -87,14 +90,20 @@ class Verdict:
 def rows_of(review: LookReview) -> tuple[Row, ...]:
     """Returns what there is to decide, one row for each thing that a verdict can name, by material."""
     strokes = {m.prim: tuple(s.rsplit("/", 1)[-1] for s in m.strokes) for m in review.materials}
+    means = {m.prim: m for m in review.materials}
     found: dict[str, Row] = {}
     for edit in review.edits:
         for target in edit.targets:
             material, _, name = target.partition(".")
             state = "off" if edit.is_off else f"hidden by {edit.hidden_by}" if edit.hidden_by else edit.drifted
+            named = (name or edit.attribute).removeprefix("inputs:")
+            before, after = edit.before, edit.after
+            mean, of = means.get(material), MEANS.get(named, "")
+            if edit.representation != "constant" and mean is not None and of in mean.before and of in mean.after:
+                before, after = mean.before[of], mean.after[of]  # of what was painted, instead of a texture's scale
             row = Row(
-                target, material, (name or edit.attribute).removeprefix("inputs:"), in_words(edit.before),
-                in_words(edit.after), state, strokes.get(material, ()), _colors(edit.before, edit.after), edit.is_off,
+                target, material, named, in_words(before), in_words(after), state, strokes.get(material, ()),
+                _colors(before, after), edit.is_off,
             )  # fmt: skip
             found.setdefault(target, row)
     return tuple(sorted(found.values(), key=lambda r: r.material))

@@ -15,6 +15,7 @@ from hydra_viewer.model.comparison import Comparison, difference
 from hydra_viewer.model.document import Document
 from hydra_viewer.model.easel import Easel
 from hydra_viewer.model.found import Found
+from hydra_viewer.ui import panel_words as words
 from hydra_viewer.ui import theme
 from hydra_viewer.ui.canvas import Canvas
 from hydra_viewer.ui.swatches import shown_picture
@@ -77,11 +78,19 @@ class _Difference(QWidget):
         self.setAttribute(Qt.WidgetAttribute.WA_TransparentForMouseEvents)
         self.image = QImage()
 
+    def show_image(self, image: QImage) -> None:
+        """Shows a difference; a null image: it comes."""
+        self.image = image
+        self.update()
+
     def paintEvent(self, event: QPaintEvent) -> None:
         painter = QPainter(self)
         painter.fillRect(self.rect(), QColor("black"))
         painter.setRenderHint(QPainter.RenderHint.SmoothPixmapTransform)
         painter.drawImage(self.rect(), self.image)
+        if self.image.isNull():
+            painter.setPen(QColor(theme.DIM))
+            painter.drawText(self.rect(), Qt.AlignmentFlag.AlignCenter, words.PICTURES_COME)
 
 
 class CompareLayer(QObject):
@@ -223,7 +232,9 @@ class CompareLayer(QObject):
         now, other = self._canvas.viewport.pixels(), self.other.pixels()
         if now is None or other is None:
             return
+        if now.shape != other.shape:  # one is coarse still: every edge would be a difference
+            self.difference.show_image(QImage())
+            return
         step = max(1, int(np.ceil((now.shape[0] * now.shape[1] / PIXELS) ** 0.5)))
-        apart = difference(now[::step, ::step], other, state.gain)
-        self.difference.image = shown_picture(apart, shot, self._easel.display)
-        self.difference.update()
+        apart = difference(now[::step, ::step], other[::step, ::step], state.gain)
+        self.difference.show_image(shown_picture(apart, shot, self._easel.display))

@@ -13,7 +13,7 @@ QUESTION = "Which did you mean?"
 QUESTION_TIP = "Both explain the paint about equally well"
 PICTURE_COMES = "…"
 NOT_POSSIBLE = "cannot be written"
-BY_HAND = "chosen by you"
+BY_HAND, BY_YOU = "chosen by you", "by you"
 LET_DECIDE = ("Let it decide", "Take the likeliest explanation again")
 NEXT_DAB = ("Where to dab next", "Mark the place where one more dab tells the leading explanations apart, with the "
             "colour that each expects there")  # fmt: skip
@@ -146,7 +146,7 @@ def provenance(values: Mapping[str, object]) -> str:
 def summary(counts: Mapping[str, int]) -> str:
     """Returns what a look changes, and whether that is well, in a line."""
     said = [_count(counts[what], what) for what in ("materials", "inputs", "gprims")]
-    said.append(f"{counts['not_painted']} of them not painted")
+    said.append(f"{counts['not_painted']} of them not painted" if counts["not_painted"] else "all of them painted")
     wrong = [_count(counts[what], what) for what in ("findings", "risks") if counts[what]]
     wrong += ["stale"] if counts["stale"] else []
     wrong += [] if counts["wins"] else ["some edits are hidden"]
@@ -190,7 +190,7 @@ def of_strokes(names: str, count: int) -> str:
 
 def understood_as(title: str, is_by_hand: bool) -> str:
     """Returns what a stroke was taken for."""
-    return f"{title} ({BY_HAND})" if is_by_hand else title
+    return f"{title} ({BY_YOU})" if is_by_hand else title
 
 
 def effect(name: str, change: float, kind: str) -> str:

@@ -15,7 +15,7 @@ from hydra_viewer.ui.swatches import swatch_icon
 NUMBER = Qt.ItemDataRole.UserRole
 SWATCH, GAP = 14, 3  # pixels
 LEAST_ROWS, MOST_ROWS = 3, 9  # that are seen without scrolling
-WIDTHS = 118, 150  # of the first columns [pixels]
+WIDTHS = 122, 150  # of the first columns [pixels]
 ROW = 24  # pixels, at most
 
 
@@ -34,7 +34,7 @@ class ReviewTree(QTreeWidget):
         self.rows: tuple[Row, ...] = ()
         self.setHeaderLabels(words.REVIEW_COLUMNS)
         self.setIconSize(QSize(2 * SWATCH + GAP, SWATCH))
-        self.setIndentation(14)
+        self.setIndentation(8)
         self.setAlternatingRowColors(True)
         for column, width in enumerate(WIDTHS):
             self.header().resizeSection(column, width)

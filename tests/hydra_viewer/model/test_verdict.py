@@ -12,7 +12,7 @@ from usdslf import LookReview
 from usdslf.review.verdict import read_verdict
 from usdslf.usd.review.records import ReviewedEdit, ReviewedMaterial
 
-BALL, FLOOR = "/World/mtl/ball", "/World/mtl/floor"
+BALL, FLOOR, SKIN = "/World/mtl/ball", "/World/mtl/floor", "/World/mtl/skin"
 
 
 @pytest.fixture
@@ -25,21 +25,27 @@ def review(tmp_path: Path) -> LookReview:
     )  # fmt: skip
     return LookReview(
         "shot.usda", str(look), hashlib.sha256(look.read_bytes()).hexdigest(),
-        (ReviewedMaterial(BALL, BALL, "glossiness", ("/SlfStrokes/stroke_0001",)),),
+        (
+            ReviewedMaterial(BALL, BALL, "glossiness", ("/SlfStrokes/stroke_0001",)),
+            ReviewedMaterial(SKIN, SKIN, "diffuse", (), {"diffuse": (0.5, 0.25, 0.125)}, {"diffuse": (0.25, 0.5, 1.0)}),
+        ),
         (
             edit(FLOOR, "diffuseColor", None, (0.5, 0.25, 0.125), hidden_by="anim.usda"),
             edit(BALL, "roughness", 0.3, 0.12), edit(BALL, "roughness", 0.3, 0.12),
+            edit(SKIN, "diffuseColor", (1.0,) * 4, (0.5, 2.0, 8.0, 1.0), representation="scale"),
         ),
         (), (), (), (), {}, False, (),
     )  # fmt: skip
 
 
 def test_there_is_a_row_for_each_thing_that_can_be_decided(review: LookReview) -> None:
-    ball, floor = rows_of(review)
+    ball, floor, skin = rows_of(review)
     assert (ball.target, ball.name, ball.before, ball.after) == (f"{BALL}.inputs:roughness", "roughness", "0.3", "0.12")
     assert (ball.state, ball.strokes) == ("", ("stroke_0001",))
     assert (floor.before, floor.after, floor.state) == ("—", "0.50 0.25 0.12", "hidden by anim.usda")
     assert in_words("auto") == "auto"
+    assert (skin.before, skin.after) == ("0.50 0.25 0.12", "0.25 0.50 1.00")  # not the scale of its texture
+    assert skin.colors == ((0.5, 0.25, 0.125), (0.25, 0.5, 1.0)) and not ball.colors and not floor.colors
 
 
 def test_a_verdict_is_read_by_accept(review: LookReview, tmp_path: Path) -> None:
@@ -53,4 +59,5 @@ def test_a_verdict_is_read_by_accept(review: LookReview, tmp_path: Path) -> None
     assert {d.target: (d.is_accepted, d.note) for d in read.decided} == {
         f"{BALL}.inputs:roughness": (False, "too wet «»"),
         f"{FLOOR}.inputs:diffuseColor": (True, ""),
+        f"{SKIN}.inputs:diffuseColor": (True, ""),
     }
