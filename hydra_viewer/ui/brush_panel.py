@@ -77,6 +77,8 @@ class Share(QWidget):
         self.box.setRange(*ends)
         self.box.setSingleStep(10.0**-digits * 2)
         self.box.setFixedWidth(70)
+        self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
+        self.setFocusProxy(self.box)
         layout = QHBoxLayout(self)
         layout.setContentsMargins(0, 0, 0, 0)
         layout.addWidget(self._slider, 1)

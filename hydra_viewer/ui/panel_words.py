@@ -70,9 +70,9 @@ SNAPSHOT_TIP = "Enter shows it, Delete forgets it"
 
 # ── Review ────────────────────────────────────────────────────────────────────────────────────────
 REVIEW_PANEL = "Review"
-REVIEW = ("Review the look", "What the saved look changes, with pictures, and what is wrong with it")
-SAVE_VERDICT = ("Save verdict …", "Write what is accepted and rejected, for: usdslf accept --verdict")
-SAVE_PAGE = ("Save page …", "Write this review as one HTML file to send, as usdslf review does")
+REVIEW = ("&Review the look", "What the saved look changes, with pictures, and what is wrong with it")
+SAVE_VERDICT = ("Save ver&dict …", "Write what is accepted and rejected, for: usdslf accept --verdict")
+SAVE_PAGE = ("Save p&age …", "Write this review as one HTML file to send, as usdslf review does")
 REVIEW_COLUMNS = ("Accept", "Before → after", "State")
 NOT_REVIEWED = "Save the look, then review it. What is unchecked is rejected."
 SAVE_FIRST = "there is no look file yet: save the strokes and the look first"

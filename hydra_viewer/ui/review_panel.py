@@ -261,13 +261,13 @@ class ReviewPanel(QWidget):
             self.failed.emit(words.not_written(path, error.strerror or str(error)))
 
     def _ask_verdict(self) -> None:
-        name, _ = QFileDialog.getSaveFileName(self, words.SAVE_VERDICT[0], self._beside(".verdict.json"),
+        name, _ = QFileDialog.getSaveFileName(self, words.SAVE_VERDICT[1], self._beside(".verdict.json"),
                                               words.JSON_FILES)  # fmt: skip
         if name:
             self.save_verdict(name)
 
     def _ask_page(self) -> None:
-        name, _ = QFileDialog.getSaveFileName(self, words.SAVE_PAGE[0], self._beside(".review.html"), words.HTML_FILES)
+        name, _ = QFileDialog.getSaveFileName(self, words.SAVE_PAGE[1], self._beside(".review.html"), words.HTML_FILES)
         if name:
             self.save_page(name)
 

@@ -17,7 +17,7 @@ WHOLE = QAbstractItemView, QAbstractSpinBox, QComboBox, QLineEdit  # whose own p
 
 def controls_of(panel: QWidget) -> list[QWidget]:
     """Returns the controls of a panel that Tab comes to, from the first to the last, hidden ones too."""
-    return [w for w in _below(panel) if w.focusPolicy() & Qt.FocusPolicy.TabFocus]
+    return [w for w in _below(panel) if w.focusPolicy() & Qt.FocusPolicy.TabFocus and w.focusProxy() is None]
 
 
 def tab_through(panel: QWidget) -> None:

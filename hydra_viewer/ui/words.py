@@ -94,7 +94,7 @@ STAGE_PANEL, BRUSH_PANEL, FOUND_PANEL = "Stage", "Brush", "Understood"
 CHOOSE_STROKES, CHOOSE_LOOK = "Where the strokes go", "Where the look goes"
 
 # The panel Brush.
-SIZE, STRENGTH = "Size", "Strength"
+SIZE, STRENGTH = "Si&ze", "S&trength"
 PRESSURE = ("Pen pressure sets the width", "A pen that presses less paints narrower")
 PICK_SQUARE, PICK_HUE = "Saturation and value, as the screen shows them; arrow keys", "Hue; arrow keys"
 PICK_HEX = "Code value of the screen, #rrggbb"
@@ -115,10 +115,10 @@ HINTS = {
     "fixate": "What is painted is locked: no change may touch it.",
 }
 CHOICES = {
-    "mode": ("Mode", "Whether what is painted changes, or what its light comes from"),
-    "scope": ("Scope", "How far the change may spread"),
-    "norm": ("Change", "How many of diffuse, specular and glossiness may change"),
-    "space": ("Colour is", "What the colour means"),
+    "mode": ("&Mode", "Whether what is painted changes, or what its light comes from"),
+    "scope": ("&Scope", "How far the change may spread"),
+    "norm": ("Chan&ge", "How many of diffuse, specular and glossiness may change"),
+    "space": ("Co&lour is", "What the colour means"),
 }
 VALUES = {
     "direct": ("Direct", "What is painted changes"),

@@ -10,7 +10,7 @@ os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
 
 import pytest
 from kit.painted_table import ON_RED, OPTIONS, write_table
-from kit.windows import CTRL, drag, solved, wait_for
+from kit.windows import ALT, CTRL, drag, solved, wait_for
 from PySide6.QtCore import Qt
 from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QApplication, QLabel, QTabBar, QWidget
@@ -151,6 +151,14 @@ def test_a_key_goes_to_each_panel_and_tab_to_all_its_controls(window: Window, ti
     own = [w for w in reached if panel.isAncestorOf(w)]
     tops = [w.mapTo(panel, w.rect().center()).y() for w in own]
     assert all(b >= a - w.height() / 2 - 6 for a, b, w in zip(tops, tops[1:], own)), list(zip(tops, own))
+
+
+def test_underlined_letters_go_to_fields(window: Window) -> None:
+    panel = window.brush_panel
+    for key, field in ((Key.Key_M, panel.choices["mode"]), (Key.Key_Z, panel.radius.box)):
+        window.painting.canvas.setFocus()
+        QTest.keyClick(window, key, ALT)
+        assert QApplication.focusWidget() is field
 
 
 @pytest.mark.parametrize("title", PANELS)
