@@ -56,6 +56,9 @@ class MessageBar(QWidget):
         self.show()
 
 
+LABEL = 260  # of what is being done [pixels]
+
+
 class ProgressRow(QWidget):
     """What is being done, how much of it, and a button that cancels it.
 
@@ -77,6 +80,11 @@ class ProgressRow(QWidget):
         layout.setContentsMargins(8, 2, 8, 2)
         for each in (self._label, self._bar, self._button):
             layout.addWidget(each)
+            policy = each.sizePolicy()
+            policy.setRetainSizeWhenHidden(True)  # the picture keeps its size when work begins and ends
+            each.setSizePolicy(policy)
+        self._label.setMinimumWidth(LABEL)
+        self._label.setAlignment(Qt.AlignmentFlag.AlignRight | Qt.AlignmentFlag.AlignVCenter)
         self.set_idle(True)
 
     def tell(self, step: str, share: float) -> None:

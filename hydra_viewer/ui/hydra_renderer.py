@@ -23,6 +23,7 @@ from PySide6.QtGui import QImage, QOffscreenSurface, QOpenGLContext, QSurfaceFor
 from hydra_viewer.hydra.engine import STORM, Engine
 from hydra_viewer.ui import words
 from hydra_viewer.ui.ending import stop_at_exit
+from hydra_viewer.ui.giving_way import give_way
 from hydra_viewer.ui.gl_picture import GlPicture
 from hydra_viewer.ui.viewport import Shown
 from usdslf import Camera, DisplayPass, DisplaySettings, LiveStage, UsdslfError, color_of
@@ -137,6 +138,7 @@ class HydraRenderer(QObject):
     # ── on the thread ──────────────────────────────────────────────────────────────────────────
     def _draw_all(self) -> None:
         """The thread: makes a context, draws until it is stopped, gives back what it holds."""
+        give_way()
         context = QOpenGLContext()
         context.setFormat(surface_format())
         if not (context.create() and context.makeCurrent(self._surface)):

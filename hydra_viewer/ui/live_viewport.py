@@ -19,6 +19,7 @@ from PySide6.QtWidgets import QWidget
 from hydra_viewer.model.display import DisplaySettings, display_codes
 from hydra_viewer.ui import words
 from hydra_viewer.ui.ending import stop_at_exit
+from hydra_viewer.ui.giving_way import give_way
 from hydra_viewer.ui.viewport import Shown, ViewportKind
 from usdslf import Camera, LivePicture, UsdslfError, color_of, live_picture, stepwise
 
@@ -161,6 +162,7 @@ class LiveViewport(QObject):
     # ── on the thread ──────────────────────────────────────────────────────────────────────────
 
     def _work(self) -> None:
+        give_way()
         while True:
             with self._condition:
                 while not self._is_new:

@@ -17,6 +17,7 @@ from PySide6.QtCore import QObject, Signal
 
 from hydra_viewer.ui import words
 from hydra_viewer.ui.ending import stop_at_exit
+from hydra_viewer.ui.giving_way import give_way
 from usdslf import Cancelled, Progress, UsdslfError
 
 THREADS = 4  # that are there from the beginning
@@ -128,6 +129,7 @@ class Worker(QObject):
 
     def _serve(self) -> None:
         """On a thread: runs what is asked, one after another."""
+        give_way()
         while (asked := self._asked.get()) is not None:
             job, before = asked
             for other in before:

@@ -23,12 +23,14 @@ from usdslf import choose_pxr
 choose_pxr()
 
 import numpy as np  # noqa: E402
-from kit.asset_shots import SHOTS, build_shot  # noqa: E402
+import OpenImageIO  # noqa: E402
+from kit.asset_shots import DOME, SHOTS, build_shot  # noqa: E402
 from kit.displays import NO_DISPLAY, ROOT, display  # noqa: E402
 from kit.windows import ALT, CTRL, LEFT, SHIFT, drag, pixel, sentences, wait_for  # noqa: E402
+from pxr import Usd  # noqa: E402
 from PySide6.QtCore import Qt  # noqa: E402
 from PySide6.QtTest import QTest  # noqa: E402
-from PySide6.QtWidgets import QApplication, QDockWidget, QWidget  # noqa: E402
+from PySide6.QtWidgets import QApplication, QDockWidget, QScrollArea, QWidget  # noqa: E402
 
 from hydra_viewer.model.document import Files  # noqa: E402
 from hydra_viewer.ui import panel_words  # noqa: E402
@@ -42,6 +44,7 @@ from usdslf.usd.review.accept import accept_look  # noqa: E402
 ASSETS = ROOT.parent / "shared" / "assets"
 SIZE = 1600, 1000  # of the window [points]
 SHARE = 0.03  # of the light that a picture at rest is to have
+ROI = OpenImageIO.ROI(0, 128, 0, 64, 0, 1, 0, 3)  # of a small dome
 Path2 = tuple[tuple[float, float], ...]  # places 0..1 of the picture
 
 
@@ -155,6 +158,8 @@ def work(folder: Path, name: str, prefix: str, is_hydra: bool) -> None:
     """All of it, on one shot."""
     shutil.rmtree(folder / f"{prefix}_stage", ignore_errors=True)
     stage = build_shot(SHOTS[name], ASSETS, folder / f"{prefix}_stage")
+    if is_hydra and SHOTS[name].hdri:
+        make_dome_small(stage)
     before = stage.read_bytes()
     files = Files(str(stage), str(stage.with_name("strokes.usda")), str(stage.with_name("look.usda")))
     artist, wish = Artist(folder, name, prefix), WISHES[name]
@@ -174,6 +179,17 @@ def work(folder: Path, name: str, prefix: str, is_hydra: bool) -> None:
     send_to_review(artist, files)
     assert stage.read_bytes() == before, "the shot was written to"
     artist.window.close()
+
+
+def make_dome_small(stage: Path) -> None:
+    """Gives a shot's dome a small picture: a processor that stands in for a GPU filters a large one for minutes."""
+    opened = Usd.Stage.Open(str(stage))
+    texture = opened.GetPrimAtPath(DOME).GetAttribute("inputs:texture:file")
+    small = OpenImageIO.ImageBufAlgo.resize(OpenImageIO.ImageBuf(texture.Get().resolvedPath), roi=ROI)
+    file = stage.with_name("small.exr")
+    assert small.write(str(file))
+    texture.Set(str(file))
+    opened.Save()
 
 
 def look_round(artist: Artist, wish: Wish) -> None:
@@ -282,7 +298,7 @@ def reopen(artist: Artist, files: Files, said: str, picture: np.ndarray) -> None
 
 def send_to_review(artist: Artist, files: Files) -> None:
     window = artist.window
-    artist.panel(panel_words.REVIEW_PANEL)
+    dock = artist.panel(panel_words.REVIEW_PANEL)
     panel = window.review_panel
     artist.click(panel.review_button)
     artist.wait(lambda: panel.review is not None and window.worker.is_idle)
@@ -297,6 +313,11 @@ def send_to_review(artist: Artist, files: Files) -> None:
     panel.note.setFocus()
     QTest.keyClicks(panel.note, "too much, see the daily")
     artist.shoot("rejected")
+    artist.click(panel.modes["indirect"])
+    area = dock.widget()
+    assert isinstance(area, QScrollArea)
+    area.verticalScrollBar().setValue(area.verticalScrollBar().maximum())
+    artist.shoot("review below")
     verdict = Path(files.look).with_suffix(".verdict.json")
     panel.save_verdict(str(verdict))
     read = read_verdict(verdict, files.look)

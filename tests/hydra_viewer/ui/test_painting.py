@@ -232,7 +232,10 @@ def test_alt_and_the_mouse_move_the_camera(window: Window) -> None:
 
 def test_a_new_stroke_cancels_the_solve_that_it_makes_stale(window: Window) -> None:
     canvas = window.painting.canvas
+    size = canvas.size()
     drag(canvas, on_ball(window))
+    QApplication.processEvents()
+    assert not window.worker.is_idle and canvas.size() == size  # the progress takes no place from the picture
     first = window.document.strokes
     drag(canvas, on_ball(window, [(0.0, 0.03), (0.01, 0.03), (0.02, 0.03)]))
     taken = []

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import sys
 import threading
 from collections.abc import Generator
 from types import SimpleNamespace
@@ -41,6 +42,7 @@ class Bench:
 
     def _steps(self, name: str) -> Generator[Progress, None, None]:
         self.running.append(name)
+        self.nice = os.getpriority(os.PRIO_PROCESS, threading.get_native_id()) if sys.platform == "linux" else 0
         self.begun[name].set()
         try:
             yield Progress("read", 0.0)
@@ -89,6 +91,15 @@ def test_a_job_that_takes_the_place_of_another_tells_nobody_that_all_has_ended(b
     wait_for(lambda: bench.worker.is_idle)
     assert bench.done == ["b"] and bench.idle == [False, True]
 
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux knows priorities of single threads")
+def test_work_gives_way_to_the_thread_that_people_wait_for(bench: Bench) -> None:
+    own = os.getpriority(os.PRIO_PROCESS, threading.get_native_id())
+    bench.start("a", "solve")
+    bench.let["a"].set()
+    wait_for(lambda: bench.done == ["a"])
+    assert bench.nice == min(own + 10, 19)
 
 
 class Reading(LiveViewport):
