@@ -8,7 +8,7 @@ from typing import Any
 
 from PySide6.QtCore import Qt
 from PySide6.QtGui import QCloseEvent, QKeySequence
-from PySide6.QtWidgets import QDockWidget, QMainWindow, QScrollArea, QVBoxLayout, QWidget
+from PySide6.QtWidgets import QDockWidget, QLabel, QMainWindow, QScrollArea, QVBoxLayout, QWidget
 
 from hydra_viewer.model.comparison import Comparison
 from hydra_viewer.ui import panel_words, words
@@ -86,6 +86,10 @@ class Window(QMainWindow):
         layout.addWidget(self.painting, 1)
         layout.addWidget(self.timeline)
         self.setCentralWidget(middle)
+        self._drawn_by = QLabel(self.painting.canvas.kind.name)
+        self._drawn_by.setProperty("isDim", True)
+        self._drawn_by.setContentsMargins(8, 0, 0, 0)
+        self.statusBar().addWidget(self._drawn_by)
         self.statusBar().addPermanentWidget(self._progress)
         self.stage_panel, self.brush_panel = StagePanel(self.document), BrushPanel(self.document, self.easel)
         self.stage_panel.camera_chosen.connect(self.painting.look_through)
@@ -155,6 +159,7 @@ class Window(QMainWindow):
         self.painting.canvas.addAction(play)
         view.addSeparator()
         self.viewport_menu = ViewportMenu(self.painting.canvas, self)
+        self.viewport_menu.triggered.connect(lambda _: self._drawn_by.setText(self.painting.canvas.kind.name))
         view.addMenu(self.viewport_menu)
         view.addMenu(self.view_bar.display_menu)
         self.addActions([*self.view_bar.display_menu.channels.values(), self.view_bar.display_menu.reset])
