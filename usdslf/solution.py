@@ -300,6 +300,7 @@ def find_style(shot: Shot, amount: float = AMOUNT, radius: float = RADIUS, norm:
     seconds: dict[str, float] = {}
     scene = shot.scene
     free = editable_materials(scene, [int(m) for m in np.unique(scene.triangles.material)], said)
+    free = [m for m in free if (shot.elements.material == m).any()]  # where light lives
     field = shot.light_field
     field = field.with_surface(field.surface)
 

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from kit.light_field_scenes import Lit, lit, lone_elements, material, world_bins
 from kit.scene_records import quad, sphere
+from kit.stage_parts import StageBuilder, box, rectangle
 from reference.stylize import masked_light, near_weights
 
 from usdslf.errors import AuthorError, InputError
@@ -18,6 +20,8 @@ from usdslf.light_field.links import ESCAPES
 from usdslf.light_field.surface import Surface
 from usdslf.sampling.hemisphere import D
 from usdslf.scene.records import Light
+from usdslf.shot import Shot
+from usdslf.solution import find_style
 from usdslf.stylize.surroundings import Surroundings, find_surroundings
 from usdslf.stylize.unsharp_mask import (
     Stylized,
@@ -284,3 +288,17 @@ def test_the_mask_of_a_device_has_all_its_bins(room: Lit, near: Surroundings) ->
     wanted = room.field.device.download(mask_light(room.field, near, 0.0))
     assert wanted.shape == (len(room.elements), D, 3)
     np.testing.assert_array_equal(wanted, room.outgoing)
+
+
+def test_a_material_without_an_element_stays_as_it_is(tmp_path: Path, device: Device) -> None:
+    stage = StageBuilder(tmp_path)
+    floor, shut = (stage.material(name, diffuseColor=(0.4, 0.3, 0.2), roughness=0.5) for name in ("floor", "shut"))
+    stage.mesh("floor", rectangle((-1, 0, 1), (2, 0, 0), (0, 0, -2)), floor)
+    stage.mesh("chest", box(0.4, 0.4, 0.4), floor)
+    stage.mesh("shut_in", rectangle((-0.1, 0.2, 0.1), (0.2, 0, 0), (0, 0, -0.2)), shut)
+    stage.rect_light("lamp", (0.5, 2.0, 1.0), (0, 0, 0), 0.6, 0.5, (4, 3.6, 3))
+    shot = Shot.open(str(stage.save()), device=device, elements=40, bounces=1)
+    assert {shot.scene.materials[m].path for m in shot.elements.material} == {floor}
+    found = find_style(shot, radius=0.5).stylized
+    assert found is not None
+    assert [shot.scene.materials[s.material].path for s in found.styles] == [floor]
