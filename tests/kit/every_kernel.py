@@ -13,7 +13,7 @@ import numpy as np
 from kit.stage_parts import StageBuilder, TextureInput, box, checker, rectangle, sky
 from pxr import UsdLux
 
-from usdslf.cli.bench import copy_bandwidth
+from usdslf.cli.bench import copy_bandwidth, multiply_add_rate
 from usdslf.gpu.device import Device
 from usdslf.inference import evidence, samples
 from usdslf.light_field import visibility
@@ -119,6 +119,7 @@ def all_steps(device: Device, folder: Path) -> Iterator[str]:
         for roughness in (SHARP, ROUGH):
             integrate_rows(device, model, roughness, np.array([5]), side=8)
     copy_bandwidth(device, 1 << 12)
+    multiply_add_rate(device, 64, 2)
     yield "weights"
     shot = Shot.open(str(stage), device=device, elements=ELEMENTS, bounces=BOUNCES)
     field = shot.light_field
