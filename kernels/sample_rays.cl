@@ -13,6 +13,11 @@
 #include "live_arrival.cl"
 #include "links.cl"
 
+/* SCENE with other rows of sources: those that lights' specular factors scale */
+#define SCENE_OF(rows) \
+    triangles, corners, face_normal, material_of, materials, refs, images, texels, uvs, source_count, streams, rows, pictures, \
+        tables, drawn, glowing_count, glowing, cumulative, glow_density
+
 /* expected number of rays per steradian, over all techniques */
 inline float mixture_density(int lobes, __constant float *alphas, __constant float *counts, float3 e, float3 l)
 {
@@ -72,14 +77,17 @@ __kernel void draw_rays(
 /* what rays met
  * rays, light_rays: of a sample, in all and towards each source, for the densities of one
  * may_follow: pictures' light is asked for; else the light field's is all that counts
+ * specular_sources: rows of sources whose diffuse factors are their specular ones, where these differ
  * links, weights (S * rays, 4), from ray `first` on: results
+ * lit_specular (count, 3): result, of lights by their specular factors
  * arrived (count, 8) of lights, of surfaces; state, followed: as of arrive_first of live_gather.cl
  */
 __kernel void arrive(
     const uint count, const uint first, const float rays, const float light_rays, const int may_follow, SCENE_PARAMETERS,
     FIELD_PARAMETERS, __global const float *ray_origin, __global const float *ray_direction, __global const float *ray_length,
     __global const int *triangle, __global const float *u_of, __global const float *v_of, __global const float *distance,
-    __global const float *density, __global uint *links, __global float *weights, __global float *arrived, __global float *state,
+    __global const float *density, const int is_split, __global const float *specular_sources, __global uint *links,
+    __global float *weights, __global float *arrived, __global float *lit_specular, __global float *state,
     __global uchar *followed)
 {
     uint i = get_global_id(0);
@@ -93,8 +101,13 @@ __kernel void arrive(
     }
     float3 lit = (float3)(0.0f), bounced = (float3)(0.0f), d = load3(ray_direction, i);
     float expected = fabs(density[i]);
-    if (is_there)
-        lit = lit_along(SCENE, load3(ray_origin, i), d, t, u_of[i], v_of[i], distance[i], expected / light_rays, density[i] < 0.0f, 1);
+    float of_light = expected / light_rays;
+    int folded = density[i] < 0.0f;
+    float3 p = load3(ray_origin, i), specular = (float3)(0.0f);
+    if (is_there) lit = lit_along(SCENE, p, d, t, u_of[i], v_of[i], distance[i], of_light, folded, 1);
+    if (is_there && is_split)
+        specular = lit_along(SCENE_OF(specular_sources), p, d, t, u_of[i], v_of[i], distance[i], of_light, folded, 1);
+    if (is_split) store3(specular, lit_specular, i);
     float weight[PER_ENTRY];
     uint entry = NO_ENTRY;
     if (is_there && t >= 0) entry = entry_of_point(cells, entries, cell_count, t, u_of[i], v_of[i], inner(d, load3(face_normal, t)) > 0.0f);
@@ -132,8 +145,8 @@ __kernel void arrive(
 __kernel void settle_rays(
     const uint count, const uint first, const uint rays, const uint row, const int is_pictured, const float least,
     const float most, SCENE_PARAMETERS, __global const light_t *outgoing, __global const int *triangle, __global const float *u_of,
-    __global const float *v_of, __global const float *density, __global const float *arrived, __global const uint *links,
-    __global const float *weights, __global const float *weight, __global float *fixed, __global float *fixed_specular,
+    __global const float *v_of, __global const float *density, __global const float *arrived, __global const float *lit_specular,
+    __global const uint *links, __global const float *weights, __global const float *weight, __global float *fixed, __global float *fixed_specular,
     __global float *gain)
 {
     uint i = get_global_id(0);
@@ -157,9 +170,10 @@ __kernel void settle_rays(
         }
     }
     /* what shines by itself was met as a light, and is no part of what is reflected */
-    float3 light = inverse * (row3(arrived + (size_t)i * 8, 0) - factor * own);
-    put_channels(light, fixed, s, row, (uint)(r % rays));
-    if (fixed_specular != fixed) put_channels(light, fixed_specular, s, row, (uint)(r % rays));
+    float3 lit = row3(arrived + (size_t)i * 8, 0);
+    put_channels(inverse * (lit - factor * own), fixed, s, row, (uint)(r % rays));
+    if (fixed_specular != fixed)
+        put_channels(inverse * (load3(lit_specular, i) - factor * own), fixed_specular, s, row, (uint)(r % rays));
     store3(inverse * factor, gain, r);
 }
 

@@ -101,12 +101,12 @@ def trace_rays(p: Points, t: Trace) -> RayLight:
     device, s = t.light.field.device, len(p.eye)
     per_sample = len(t.drawn)
     row = -(-(t.rays + per_sample) // LANES) * LANES
-    is_split = any(source.is_split for source in t.light.lights.sources)
     make = lambda *shape: device.zeros(shape, np.float32)  # noqa: E731
     fixed_d = make(s, 3, row)
     out = RayLight(
-        make(s, 3, row), fixed_d, make(s, 3, row) if is_split else fixed_d, device.empty((s * t.rays, 3), np.float32),
-        device.empty((s * t.rays, 4), np.uint32), device.empty((s * t.rays, 4), np.float32), t.rays,
+        make(s, 3, row), fixed_d, make(s, 3, row) if t.light.is_split else fixed_d,
+        device.empty((s * t.rays, 3), np.float32), device.empty((s * t.rays, 4), np.uint32),
+        device.empty((s * t.rays, 4), np.float32), t.rays,
     )  # fmt: skip
     upload = lambda x: device.upload(np.asarray(x, np.float32))  # noqa: E731
     places = tuple(upload(x) for x in (p.eye, p.frames, p.origin, p.geometric))
@@ -135,7 +135,8 @@ def _trace_rays(
     device, hits, rays = scene.geometry.device, room.lobes, np.uint32(t.rays)
     n, first, row = part[1] * t.rays, part[0] * t.rays, np.uint32(out.towards_d.shape[2])
     technique_d = device.upload(np.repeat(np.arange(len(t.counts)), t.counts).astype(np.int32))
-    density_d = device.empty((n,), np.float32)
+    density_d, is_split = device.empty((n,), np.float32), np.int32(t.light.is_split)
+    specular_d = device.empty((n, 3), np.float32) if is_split else density_d
     t.kernel("draw_rays")(
         groups(n), (GROUP,), np.uint32(n), np.uint32(part[0]), rays, row, *places, u_d, technique_d, *t.mixture,
         out.towards_d, hits.origin, hits.direction, hits.length, density_d,
@@ -144,14 +145,16 @@ def _trace_rays(
     met = hits.triangle, hits.u, hits.v
     t.kernel("arrive")(
         groups(n), (GROUP,), np.uint32(n), np.uint32(first), np.float32(t.rays), np.float32(LIGHT_RAYS),
-        np.int32(depth > 0), *scene.arguments(), *scene.field_arguments(), hits.origin, hits.direction, hits.length,
-        *met, hits.distance, density_d, out.links_d, out.weights_d, room.arrived, room.state, room.followed,
+        np.int32(depth > 0), *t.light.arguments(), *scene.field_arguments(), hits.origin, hits.direction, hits.length,
+        *met, hits.distance, density_d, is_split, t.light.sources[1], out.links_d, out.weights_d, room.arrived,
+        specular_d, room.state, room.followed,
     )  # fmt: skip
     follow(scene, room, n, depth, 1)
     t.kernel("settle_rays")(
         groups(n), (GROUP,), np.uint32(n), np.uint32(first), rays, row, np.int32(depth > 0),
         np.float32(LEAST_REFLECTED), np.float32(MOST_OF_LINK), *scene.arguments(), scene.light.outgoing_d, *met,
-        density_d, room.arrived, out.links_d, out.weights_d, weight_d, out.fixed_d, out.fixed_specular_d, out.gain_d,
+        density_d, room.arrived, specular_d, out.links_d, out.weights_d, weight_d, out.fixed_d, out.fixed_specular_d,
+        out.gain_d,
     )  # fmt: skip
     device.finish()  # before the room is written to again
 
@@ -165,7 +168,7 @@ def _trace_lights(
     n, sizes = part[1] * per_sample, (np.uint32(part[0]), np.uint32(per_sample), np.uint32(t.rays))
     row, shadows = np.uint32(out.towards_d.shape[2]), Shadows(device, n)
     t.kernel("draw_lights")(
-        groups(n), (GROUP,), np.uint32(n), *sizes, row, *scene.arguments(), *places, device.upload(t.drawn), weight_d,
+        groups(n), (GROUP,), np.uint32(n), *sizes, row, *t.light.arguments(), *places, device.upload(t.drawn), weight_d,
         *t.mixture, out.towards_d, out.fixed_d, out.fixed_specular_d, *shadows.arguments,
     )  # fmt: skip
     shadows.trace(scene.geometry.tracer, n)
