@@ -4,9 +4,9 @@
 
 One has no strokes, one a corrupt layer, one no geometry; one hangs, one job is killed while it reads, and of one the
 worker that runs it is: on Dask the worker with kill -9, and the scheduler is restarted too; in `openjd run` the task's
-process.  Then what hung and was killed is mended, and the same command is run again.  Printed: what each run was to do,
-what came of it with each failure's sentence, whether results that stood stayed untouched, and a hash of the bytes of
-all results, which is the same on each engine.
+process.  What hung and was killed is mended once it was tried, and the same command is run again.  Printed: what each
+run was to do, what came of it with each failure's sentence, whether results that stood stayed untouched, and a hash of
+the bytes of all results, which is the same on each engine.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from kit.batch_shots import GOOD, break_shot, bytes_below, mend_hanging, write_twelve
+from kit.batch_shots import break_shot, bytes_below, mend_hanging, write_twelve
 from kit.dask_cluster import Cluster
 
 from usdslf.batch import plan
@@ -139,6 +139,7 @@ class Dask:
                 self.is_first = False
                 self.cluster.kill("scheduler")
                 self.cluster.start_scheduler()
+                print("\nthe scheduler is restarted", flush=True)
             time.sleep(0.5)
         run.kill()
 
@@ -171,10 +172,9 @@ def tried(engine: str, run: Run, folder: Path) -> dict[str, bytes]:
                 print(f"  {name}: {cause}: {why[:150]}")
         touched = [n for n, stamp in stood.items() if _stamp(folder, n) != stamp]
         print(f"  results that stood: {len(stood)}, touched: {touched or 'none'}", flush=True)
-        if len(todo) < 12 or set(GOOD) <= set(done):  # all was tried
-            for name in ("a_hangs", "killed", WORKERS_JOB):
-                if (folder / "shots" / name / "pipe.usda").is_fifo():
-                    mend_hanging(folder / "shots" / name)
+        for name in ("a_hangs", "killed", WORKERS_JOB):
+            if known[name][0] != "lost" and (folder / "shots" / name / "pipe.usda").is_fifo():  # it was tried
+                mend_hanging(folder / "shots" / name)
         if len(done) == 9:
             break
     return {k: v for k, v in bytes_below(folder / "out").items() if "/" in k and not k.startswith(".batch")}
