@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+import textwrap
 from typing import Any
 
 import numpy as np
@@ -38,3 +41,30 @@ def test_a_program_that_does_not_build_says_where(monkeypatch: pytest.MonkeyPatc
     with pytest.raises(KernelBuildError, match=r"kernels/fill\.cl does not build on .*; update the device's driver"):
         device.kernel("fill", "fill")
     assert np.array_equal(device.download(device.zeros((3,), np.float32)), np.zeros(3))
+
+
+def test_arrays_that_nobody_holds_last_until_their_kernels_are_done() -> None:
+    """In a process of its own: where the memory goes with the array, the kernels end the process."""
+    script = textwrap.dedent(
+        '''
+        import numpy as np
+        import pyopencl as cl
+        from usdslf.gpu.device import open_device
+
+        device = open_device(None)
+        source = """kernel void slow(global float *x)
+        {
+            float y = get_global_id(0);
+            for (int i = 0; i < 400; ++i) y = 0.5f * y + 1.0f;
+            x[get_global_id(0)] = y;
+        }"""
+        kernel = cl.Program(device.context, source).build().slow
+        held = device.empty((1 << 20,), np.float32)
+        for x in (held, device.zeros((1 << 20,), np.float32), device.empty((1 << 20,), np.float32)):
+            kernel(device.queue, x.shape, None, x.base_data)
+        del x
+        assert (device.download(held) == 2).all()
+        '''
+    )
+    run = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
+    assert run.returncode == 0, run.stderr

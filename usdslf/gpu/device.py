@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from usdslf.errors import DeviceError, KernelBuildError, MemoryError_
-from usdslf.gpu.pages import LARGE, pages_of_zeros
+from usdslf.gpu.pages import LARGE, ask_for_large_pages
 from usdslf.gpu.pocl_target import name_processor
 from usdslf.gpu.source import kernel_source
 
@@ -48,6 +48,7 @@ class Device:
     def __init__(self, context: Any) -> None:
         self.context = context
         self.queue = cl.CommandQueue(context)
+        self._mapping = cl.CommandQueue(context)  # of new arrays, which wait for nothing
         self._programs: dict[tuple, Any] = {}
         self._kernels: dict[tuple, Kernel] = {}
         self._building = threading.Lock()
@@ -114,20 +115,22 @@ class Device:
     def zeros(self, shape: tuple[int, ...], dtype: Any) -> Any:
         """Makes an array of zeros on the device."""
         try:
-            if self.has_host_memory:
-                return self._made(shape, dtype, is_clean=True)
             return cla.zeros(self.queue, shape, dtype)
         except cl.Error as error:
             raise _device_error(error, f"an array of shape {shape}") from error
 
-    def _made(self, shape: tuple[int, ...], dtype: Any, is_clean: bool = False) -> Any:
-        """An array, in large pages where the device works in the host's memory; clean ones are of zeros there."""
-        size = int(np.prod(shape)) * np.dtype(dtype).itemsize
-        if not self.has_host_memory or (size < LARGE and not is_clean):
-            return cla.empty(self.queue, shape, dtype)
-        how = cl.mem_flags.READ_WRITE | cl.mem_flags.USE_HOST_PTR
-        host = np.frombuffer(pages_of_zeros(max(size, 1)), np.uint8)
-        return cla.Array(self.queue, shape, dtype, data=cl.Buffer(self.context, how, hostbuf=host))
+    def _made(self, shape: tuple[int, ...], dtype: Any) -> Any:
+        """An array, in large pages where the device works in the host's memory.
+
+        The memory is the driver's own, which it keeps until all kernels that were enqueued with it are done.
+        """
+        array_d = cla.empty(self.queue, shape, dtype)
+        if self.has_host_memory and array_d.nbytes >= LARGE:
+            how = cl.map_flags.WRITE_INVALIDATE_REGION
+            pages, _ = cl.enqueue_map_buffer(self._mapping, array_d.base_data, how, 0, (array_d.nbytes,), np.uint8)
+            ask_for_large_pages(pages.ctypes.data, array_d.nbytes)
+            pages.base.release(self._mapping)
+        return array_d
 
     def clear(self, array_d: Any) -> None:
         """Fills an array of the device with zeros; safe on several threads, as an array's own `fill` is not."""

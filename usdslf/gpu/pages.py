@@ -6,7 +6,9 @@ address, so that large pages are asked for where the system gives them.
 
 from __future__ import annotations
 
+import ctypes
 import mmap
+import sys
 from contextlib import suppress
 
 LARGE = 1 << 21  # bytes of a large page
@@ -21,3 +23,10 @@ def pages_of_zeros(size: int) -> mmap.mmap:
         with suppress(OSError):  # a system without them
             memory.madvise(mmap.MADV_HUGEPAGE)
     return memory
+
+
+def ask_for_large_pages(address: int, size: int) -> None:
+    """Asks for large pages within `size` bytes of memory at an address, which nobody wrote to yet: a wish, no more."""
+    if sys.platform == "linux" and hasattr(mmap, "MADV_HUGEPAGE"):
+        first = -(-address // mmap.PAGESIZE) * mmap.PAGESIZE
+        ctypes.CDLL(None).madvise(ctypes.c_void_p(first), ctypes.c_size_t(address + size - first), mmap.MADV_HUGEPAGE)
