@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import hashlib
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -188,18 +189,19 @@ def main() -> None:
     """Prints what came of each engine."""
     results: dict[str, dict[str, bytes]] = {}
     for engine in sys.argv[1:] or ["here", "dask", "openjd"]:
-        with tempfile.TemporaryDirectory(prefix="usdslf_failures_") as name:
-            folder = Path(name).resolve() / "project"
-            folder.mkdir()
-            dask = Dask(folder.parent) if engine == "dask" else None
-            try:
-                results[engine] = tried(engine, dask or {"here": here, "openjd": openjd}[engine], folder)
-            finally:
-                if dask:
-                    dask.cluster.end_all()
-            files = results[engine]
-            digest = hashlib.sha256(repr(sorted(files.items())).encode()).hexdigest()
-            print(f"  {len(files)} files of results, together {digest[:16]}", flush=True)
+        # Reports name files, so it is one place for all.
+        folder = Path(tempfile.gettempdir()).resolve() / "usdslf_failures/project"
+        shutil.rmtree(folder.parent, ignore_errors=True)
+        folder.mkdir(parents=True)
+        dask = Dask(folder.parent) if engine == "dask" else None
+        try:
+            results[engine] = tried(engine, dask or {"here": here, "openjd": openjd}[engine], folder)
+        finally:
+            if dask:
+                dask.cluster.end_all()
+        files = results[engine]
+        digest = hashlib.sha256(repr(sorted(files.items())).encode()).hexdigest()
+        print(f"  {len(files)} files of results, together {digest[:16]}", flush=True)
     (first, *others) = results.values()
     print(f"\nthe same bytes on {', '.join(results)}: {all(other == first for other in others)}")
 
