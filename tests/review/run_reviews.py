@@ -228,7 +228,7 @@ def main() -> int:
     parser.add_argument("--elements", type=int, default=1500)
     parser.add_argument("--size", default="640x360")
     parser.add_argument("--frames", type=int, default=4)
-    told = parser.parse_args()
+    told = parser.parse_intermixed_args()
     width, _, height = told.size.partition("x")
     asked = Asked(told.out, told.elements, (int(width), int(height)), told.frames)
     lines = []
