@@ -187,6 +187,7 @@ def _stamp(folder: Path, name: str) -> int:
 
 def main() -> None:
     """Prints what came of each engine."""
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))  # which ends what was started
     results: dict[str, dict[str, bytes]] = {}
     for engine in sys.argv[1:] or ["here", "dask", "openjd"]:
         # Reports name files, so it is one place for all.
