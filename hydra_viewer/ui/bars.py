@@ -78,7 +78,7 @@ class ProgressRow(QWidget):
         self._button.clicked.connect(self.cancelled)
         layout = QHBoxLayout(self)
         layout.setContentsMargins(8, 2, 8, 2)
-        for each in (self._label, self._bar, self._button):
+        for each in (self._bar, self._button, self._label):
             layout.addWidget(each)
             policy = each.sizePolicy()
             policy.setRetainSizeWhenHidden(True)  # the picture keeps its size when work begins and ends
