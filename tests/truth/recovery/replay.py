@@ -1,10 +1,12 @@
 """Replays values and intervals of a run that was kept, in seconds: how would other constants do?
 
-    python tests/truth/recovery/replay.py DIR [--half even|odd] [--set uncertainty.BELOW=.04 paint_errors.SURE=.02 ...]
+    python tests/truth/recovery/replay.py DIR [--kind clean|textured] [--half even|odd]
+                                              [--set uncertainty.BELOW=.04 paint_errors.SURE=.02 ...]
 
 DIR was filled by run_recovery.py --keep.  Each answer is fitted again as painted, from the tables that its last round
 had, and its interval taken; which explanation wins, and the light that goes round, stay as they were.  Constants were
-found on the even half of the cases in their sets; the odd one shows what they are worth.
+found on the even half of the cases in their sets; the odd one shows what they are worth.  What is wrong, off in value
+or has its truth outside is named.
 """
 
 from __future__ import annotations
@@ -23,7 +25,17 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 import numpy as np
 from truth.recovery.cases import SETS
 from truth.recovery.ideal import half_widths
-from truth.recovery.run_recovery import REPORT_KEY, TOLERANCE, Outcome, intervals, read_truth, totals, with_interval
+from truth.recovery.run_recovery import (
+    REPORT_KEY,
+    TOLERANCE,
+    Outcome,
+    aims,
+    intervals,
+    read_truth,
+    reliability,
+    totals,
+    with_interval,
+)
 
 from usdslf.inference.answers import means_of
 from usdslf.inference.paint_errors import refit_as_painted
@@ -31,6 +43,7 @@ from usdslf.inference.uncertainty import interval
 from usdslf.inference.weights import Options
 
 HALVES = {"even": (0,), "odd": (1,), "": (0, 1)}
+KINDS = {"clean": ("all",), "textured": ("textured",), "": ("all", "textured")}
 
 
 def replayed(path: Path) -> Outcome:
@@ -49,19 +62,36 @@ def replayed(path: Path) -> Outcome:
     return with_interval(o, getattr(interval(t, Options(), c), key), ideal)
 
 
-def is_of_half(name: str, half: str) -> bool:
-    """Whether a case is at an even or odd place of its set, the twins after the others."""
-    for group in (SETS["all"], SETS["textured"]):
-        place = [c.name for c in group].index(name) if name in {c.name for c in group} else None
-        if place is not None:
-            return place % 2 in HALVES[half]
+def is_asked(name: str, kind: str, half: str) -> bool:
+    """Whether a case is of a kind, at an even or odd place of its set; the twins come after the others."""
+    for set_name in KINDS[kind]:
+        names = [c.name for c in SETS[set_name]]
+        if name in names:
+            return names.index(name) % 2 in HALVES[half]
     return False
+
+
+def named(found: list[Outcome]) -> str:
+    """What is not as it should be, by name: strokes of each case."""
+    rows = []
+    for why, is_so in (
+        ("wrong", lambda o: not o.is_right),
+        ("off in value", lambda o: o.is_right and not o.is_close and o.way == "exact"),
+        ("truth outside", lambda o: o.is_right and o.inside < 1),
+    ):
+        ways: dict[str, list[str]] = {}
+        for o in found:
+            if is_so(o):
+                ways.setdefault(o.case, []).append(f"{o.way} {o.inferred}" if why == "wrong" else o.way)
+        rows += [f"{why}: {case} ({', '.join(of)})" for case, of in ways.items()]
+    return "\n".join(rows)
 
 
 def main() -> None:
     """Prints values and intervals by painter."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("folder", type=Path)
+    parser.add_argument("--kind", default="", choices=list(KINDS))
     parser.add_argument("--half", default="", choices=list(HALVES))
     parser.add_argument("--set", nargs="*", default=[], metavar="MODULE.NAME=NUMBER")
     a = parser.parse_args()
@@ -70,10 +100,13 @@ def main() -> None:
         module, name = place.split(".")
         setattr(importlib.import_module(f"usdslf.inference.{module}"), name, float(number))
     files = sorted(a.folder.glob("*.pkl"))
-    found = [replayed(f) for f in files if is_of_half(f.name.split(".")[0], a.half)]
+    found = [replayed(f) for f in files if is_asked(f.name.split(".")[0], a.kind, a.half)]
     for total in totals(found):
         print(total)
+    print(aims(totals(found), a.kind or "clean"))
     print(intervals(found))
+    print(reliability(found))
+    print(named(found))
 
 
 if __name__ == "__main__":
