@@ -67,7 +67,10 @@ def looks_of(name: str, asked: Asked) -> Iterator[tuple[str, str, str]]:
         return
     play = Play(entry, asked.out / name / "figure", elements=asked.elements, pictures=False)
     entry.run(play)
-    last = next(s for s in reversed(play.steps) if s.report["edits"])
+    last = next((s for s in reversed(play.steps) if s.report["edits"]), None)
+    if last is None:
+        print(f"{name:18s} writes no look", flush=True)
+        return
     yield name, last.before.scene.stage, str(last.folder / "look.usda")
 
 
