@@ -50,6 +50,31 @@ def test_drift_is_heard_for_its_contrast_and_not_for_its_mean() -> None:
     assert np.mean(off) < 0.7 * np.mean(plain), (np.mean(off), np.mean(plain))
 
 
+def test_a_stroke_that_is_too_dark_is_no_weaker_highlight() -> None:
+    """Of a dark dab, whose residual has a floor, darkness of the whole stroke is less than of a bright one."""
+    moved = []
+    for seed in range(12):
+        rng = np.random.default_rng(seed)
+        t = specular_tables(dull_tables(rng))
+        found = []
+        wave = 0.1 * np.sin(5 * t.place[:, :1] + rng.uniform(0, 6)) * np.ones(3)
+        for bright in (1.0, 0.72):
+            wanted = bright * (t.dabs.p[:, 0] + 0.3 * t.dabs.v[:, 0]) * (1 + wave)
+            u = replace(t, target=wanted, scale=relative_scale(wanted))
+            first = refit(refit_problem(u, O), Candidate(("specular",), level=0, freedoms=1))
+            found.append(refit_as_painted(u, O, first).delta_f0[0])
+        moved.append(abs(found[1] - found[0]))
+        assert abs(found[0] - 0.3) < 0.01, found
+    assert np.mean(moved) < 0.017, moved
+
+
+def test_dabs_that_few_points_are_known_of_allow_more() -> None:
+    t, first = painted(dull_tables(np.random.default_rng(4)), np.zeros((N, 3)))
+    found = refit_as_painted(t, O, first)
+    known, vague = (interval(replace(t, noise=noise * t.target), O, found).diffuse for noise in (0.0, 0.2))
+    assert ((vague[1] - vague[0]) > 1.5 * (known[1] - known[0])).all()
+
+
 def test_careful_paint_makes_a_specular_coloured_and_a_tint_does_not() -> None:
     wave = 0.1 * np.sin(5 * dull_tables(np.random.default_rng(9)).place[:, :1]) * np.ones(3)
     for change, error, is_colored in (

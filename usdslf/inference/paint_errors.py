@@ -6,9 +6,11 @@
 Paint is what a surface shows times 1 + error, so that residuals are relative to what the candidate shows, and an error
 has the covariance, over dabs i, j and channels,
 
-    C = a (drift^2 exp(-ROUGH |x_i - x_j| / l) 1 + tint^2 I) + b dab^2 I / trust^2 + SURE^2 I    (of one stroke)
+    C = a s_i s_j (drift^2 exp(-ROUGH |x_i - x_j| / l) 1 + tint^2 I) + b dab^2 I / trust^2 + SURE^2 I    (of one stroke)
 
-where 1 and I go over the channels.  How large a and b are is read off the residual in the part of it that neither the
+where 1 and I go over the channels, and s is what is shown over what residuals are relative to: that has a floor, beside
+which an error of all paint is less of a dark dab than of a bright one; without s a stroke that is too dark as a whole
+would look like a weaker highlight.  How large a and b are is read off the residual in the part of it that neither the
 candidate's parameters nor the brightness of a whole stroke can explain (restricted maximum likelihood, averaged over a
 grid), so that a careful painter is believed and a careless one is heard for the contrast.  A dab that is far off what
 its neighbours say (an edge, a thin part) loses trust.  Dabs that share a swatch count as their mean.  The exponential
@@ -39,9 +41,11 @@ from usdslf.scene.records import F64
 SIZES_ALIKE, SIZES_OWN = np.geomspace(1e-4, 4.0, 19), np.geomspace(1e-3, 4.0, 19)  # of a and b that are tried
 USUAL, SPREAD = (0.03, 0.03), 1.5  # middle and width (natural logarithm) of what a and b are where the dabs are few
 USUAL_OF_SWATCHES = (0.015, 0.06)  # the same where all dabs have one of few colours, which was mixed with care
+USUAL_OF_ONE = (0.03, 0.06)  # the same of one colour, which nothing can be held against
 TOGETHER = 0.6  # correlation of both: who is careless with dabs is so with the stroke
 ROUGH = 0.7  # of the inverse length of drift, which the exponential needs to be as smooth near by
 SURE = 0.01  # relative error that all dabs may share, and twice that which each has: the light field's own
+OF_POINTS = 0.4  # of the standard error of a dab's points, which lie apart and so err less than as many at random
 SLACK = 1.4  # by which the variance of dabs with colours of their own grows, as t's scale is less than its width
 OF_SWATCH = 0.8  # of the variance of what a swatch shows (natural logarithms) that its mean is uncertain by
 DEGREES = 2.0  # of freedom of Student's t
@@ -58,7 +62,7 @@ MOST_GROUPS = 96  # dabs and swatches that a and b are read off
 class PaintErrors:
     """Covariance of relative residuals of m dabs and swatches of n dabs, and the columns of what is free.
 
-    C = kron(shared, 1) + kron(tinted, I) + single, with 1 and I over the channels.
+    C = s s' (kron(shared, 1) + kron(tinted, I)) + kron(sure, I) + single, with 1 and I over the channels.
     """
 
     together: F64 | None  # (m, n) takes the mean of dabs that share a swatch; None: all are alone
@@ -67,20 +71,24 @@ class PaintErrors:
     trust: F64  # (m,) 0..1
     shared: F64  # (m, m) brightness that drifts
     tinted: F64  # (m, m)
+    sure: F64  # (m, m)
     single: F64  # (m, 3) variances
+    share: F64  # (m, 3) s
 
     @cached_property
     def covariance(self) -> F64:
         """The whole of it (3 m, 3 m)."""
         alike = np.kron(self.shared, np.ones((3, 3))) + np.kron(self.tinted, np.eye(3))
-        return alike + np.diag(self.single.reshape(-1))
+        own = np.kron(self.sure, np.eye(3)) + np.diag(self.single.reshape(-1))
+        return np.outer(self.share, self.share) * alike + own
 
     @cached_property
     def root(self) -> White:
         """What makes relative residuals of dabs and swatches independent, of unit variance."""
-        if np.ptp(self.single, axis=1).max(initial=0) == 0:
-            color = self.tinted + np.diag(self.single[:, 0])
-            return white_of_axes(3 * self.shared + color, color)
+        if max(np.ptp(x, axis=1).max(initial=0) for x in (self.single, self.share)) == 0:
+            both = np.outer(self.share[:, 0], self.share[:, 0])
+            color = both * self.tinted + self.sure + np.diag(self.single[:, 0])
+            return white_of_axes(3 * both * self.shared + color, color)
         return White(None, None, inverse_root(self.covariance))
 
     @property
@@ -238,21 +246,28 @@ def paint_errors(t: Tables, o: Options, c: Candidate, trust: F64 | None = None) 
     own, m, n = trust * np.sqrt(count) / o.dab_error, len(count), len(group)
     columns = np.stack(columns_of(t, c)[1], 1).reshape(n, -1) if c.freed else np.zeros((n, 0))
     held = held_channels(t, c)  # what they leave says how far the paint is from what can be
-    parts = [mean(columns).reshape(m, 3, -1), np.repeat(mean(_of_strokes(t))[:, None], 3, 1)]
+    share = mean(np.minimum(np.abs(c.radiance(t)) / t.scale, 1))
+    vague = (OF_POINTS * t.noise / t.scale) ** 2  # of the mean of a swatch's dabs less
+    vague = vague if together is None else together**2 @ vague
+    if m > MOST_GROUPS:  # where channels are alike, grey and colours are apart, which is much faster
+        share, vague = (np.repeat(x.mean(1, keepdims=True), 3, 1) for x in (share, vague))
+    parts = [mean(columns).reshape(m, 3, -1), share[:, :, None] * mean(_of_strokes(t))[:, None]]
     explained = own[:, None, None] * np.concatenate(parts, 2)
     of_swatches = bool((t.swatch >= 0).all())
-    usual = USUAL_OF_SWATCHES if of_swatches else USUAL
+    usual = (USUAL_OF_ONE if t.has_one_color.all() else USUAL_OF_SWATCHES) if of_swatches else USUAL
     some = np.arange(m) if m <= MOST_GROUPS else np.linspace(0, m - 1, MOST_GROUPS).round().astype(int)
     free, apart = np.flatnonzero(~held), np.ix_(some, some)
     y, k = (own[:, None] * residual)[some][:, free].reshape(-1), len(free)
     by = own[some, None] * own[some]
     alike = np.kron(by * drift[apart], np.ones((k, k))) + np.kron(by * o.tint_error**2 * same[apart], np.eye(k))
+    alike *= np.outer(share[some][:, free], share[some][:, free])
     a, b = _sizes(y, explained[some][:, free].reshape(len(y), -1), alike, usual)
     b = max(b, (2 * SURE / o.dab_error) ** 2)
     single = ((1.0 if of_swatches else SLACK) * b / own**2)[:, None] + UNSAID**2 * held
     if together is not None:
         single = single + _of_swatch_means(t, c, together)
-    return PaintErrors(together, a, b, trust, a * drift, (a * o.tint_error**2 + SURE**2) * same, single)
+    single = np.maximum(single, vague)
+    return PaintErrors(together, a, b, trust, a * drift, a * o.tint_error**2 * same, SURE**2 * same, single, share)
 
 
 def held_channels(t: Tables, c: Candidate) -> NDArray[np.bool_]:

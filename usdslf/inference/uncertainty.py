@@ -11,9 +11,9 @@ and the covariance C of the errors that this paint shows (paint_errors.py), the 
 Some paint whole strokes too dark, hardly anybody too bright: with the chance IS_DARK the paint is less than what is
 meant by a share that is uniform up to DARKEST, of a painter whose errors have the size CARELESS or more, and in
 proportion of a more careful one (not at all of one who mixed a few colours for all dabs), which moves the numbers
-along P 1. The ends of an interval are the quantiles BELOW and 1 - ABOVE of that mixture, so that it reaches further up
-than down: left out above would be many who paint dark, below hardly anybody. The chance of a set of parameters follows
-from its cost, which is minus the logarithm of a probability times TEMPERATURE.
+along P s, s the share of a residual's scale that is shown. The ends of an interval are the quantiles OUTSIDE and
+1 - OUTSIDE of that mixture, so that it reaches further up than down. The chance of a set of parameters follows from its
+cost, which is minus the logarithm of a probability times TEMPERATURE.
 
 Source: Rao and Toutenburg 1995, Linear Models, 4.2 (P C P').
 """
@@ -33,8 +33,8 @@ from usdslf.inference.paint_errors import as_shown, columns_of, held_channels, p
 from usdslf.inference.weights import Options
 from usdslf.scene.records import F64
 
-BELOW, ABOVE = 0.05, 0.025  # chance of a value below an interval, and of one above: who paints too dark is sure to
-IS_DARK, DARKEST = 0.4, 0.34  # chance that a stroke is too dark as a whole, and by how much at most
+OUTSIDE = 0.05  # chance of a value below an interval, and of one above
+IS_DARK, DARKEST = 0.4, 0.3  # chance that a stroke is too dark as a whole, and by how much at most
 CARELESS = 0.2  # size a of errors from which a stroke may be as dark as that
 STEPS = 31  # of how dark
 BETWEEN_LEVELS = 0.1  # of the step between levels of roughness, that its value may be off
@@ -71,7 +71,7 @@ def interval(t: Tables, o: Options, c: Candidate) -> Interval:
         weighed = np.linalg.solve(errors.covariance, j)
         p = np.linalg.pinv(j.T @ weighed, rcond=1e-9) @ weighed.T
         variance = np.diag(p @ errors.covariance @ p.T).copy()
-        along = p.sum(1)  # by how much a number grows where all paint is brighter by its own size
+        along = p @ errors.share.reshape(-1)  # by how much a number grows where all paint is brighter
         dark = 0.0 if (t.swatch >= 0).all() else DARKEST * min(1.0, errors.alike / CARELESS)
         for (name, channel), v, g in zip(names, variance, along, strict=True):
             if name == "roughness":
@@ -83,11 +83,11 @@ def interval(t: Tables, o: Options, c: Candidate) -> Interval:
 
 
 def _quantiles(sd: float, along: float, dark: float) -> tuple[float, float]:
-    """Ends that leave BELOW and ABOVE outside, of a normal error and, at times, of paint that is too dark."""
+    """Ends that leave OUTSIDE beyond each, of a normal error and, at times, of paint that is too dark."""
     meant = along * (1 / (1 - np.linspace(0, dark, STEPS)) - 1)
     x = np.linspace(min(meant.min(), 0) - 4 * sd, max(meant.max(), 0) + 4 * sd, 401)
     below = (1 - IS_DARK) * ndtr(x / sd) + IS_DARK * ndtr((x[:, None] - meant) / sd).mean(1)
-    low, high = np.interp([BELOW, 1 - ABOVE], below, x)
+    low, high = np.interp([OUTSIDE, 1 - OUTSIDE], below, x)
     return float(low), float(high)
 
 
