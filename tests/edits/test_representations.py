@@ -66,6 +66,22 @@ def test_a_coloured_specular_of_cloth_is_written_as_the_whole_set(tmp_path: Path
     assert_allclose(new_f0[inner(METAL)], f0[inner(METAL)], atol=0.21 * (1 - as_metal) + 2e-3)
 
 
+def test_new_textures_declare_their_outputs_as_what_they_are_like(tmp_path: Path) -> None:
+    """Some stages say vector3f of a texture's rgb: two types of one output are an error to validators."""
+    stage = write_eyelets(tmp_path)
+    stage.write_text(stage.read_text().replace("float3 outputs:rgb", "vector3f outputs:rgb"))
+    scene = read_scene(stage)
+    after = replace(CLOTH_SEEN, f0=np.array((0.1, 0.08, 0.25)))
+    change = MaterialChange(scene.materials[0], "material", (CARD,), ("specular",), CLOTH_SEEN, after, map="add")
+    color = color_of(scene.ocio, scene.working_space)
+    change = least_collateral(scene, 0, change, tmp_path / "look.textures" / "cloth", color, [])
+    author_look(open_stage(stage), [change], tmp_path / "look.usda", color=color)
+    shown = composed(stage, tmp_path / "look.usda")
+    prims = [p for p in shown.Traverse() if p.HasAttribute("outputs:rgb")]
+    said = [{str(x.typeName) for x in p.GetAttribute("outputs:rgb").GetPropertyStack()} for p in prims]
+    assert len(prims) > 1 and said == [{"vector3f"}] * len(prims)
+
+
 def test_a_grey_specular_of_cloth_is_an_ior(tmp_path: Path) -> None:
     (d, f0), (new_d, new_f0), change = written(tmp_path, CLOTH_SEEN, "specular", {}, f0=(0.12,) * 3)
     assert not change.baked

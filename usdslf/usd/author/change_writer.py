@@ -213,7 +213,10 @@ class ChangeWriter(MaterialWriter):
         node = new_node_path(self.shader, f"slf_{edit.input}")
         new = look.define(self._moved(node), "Shader")
         new.specializesList.Prepend(look.place(self._moved(like) if like.HasPrefix(self.original) else like))
-        self._connect(self.shader.GetPath(), edit.input, node, f"outputs:{baked.channels}", Names.Float3)
+        output = f"outputs:{baked.channels}"
+        there = look.stage.GetAttributeAtPath(like.AppendProperty(output))  # whose type the new node inherits
+        kind = there.GetTypeName() if there else _type_of_output(baked.channels)
+        self._connect(self.shader.GetPath(), edit.input, node, output, kind)
         return node
 
     def _new_texture(self, edit: InputEdit, baked: Baked) -> Sdf.Path:
@@ -228,7 +231,7 @@ class ChangeWriter(MaterialWriter):
             )
             info.default = kind
         look.put(look.over(self._moved(reader)), "inputs:varname", Names.String, baked.uv_set)
-        kind = Names.Float3 if baked.channels == "rgb" else Names.Float
+        kind = _type_of_output(baked.channels)
         self._connect(self.shader.GetPath(), edit.input, node, f"outputs:{baked.channels}", kind)
         self._connect(node, "st", reader, "outputs:result", Names.Float2)
         return node
@@ -314,3 +317,8 @@ class ChangeWriter(MaterialWriter):
             number += 1
             candidate = f"{name}_{number}"
         return candidate
+
+
+def _type_of_output(channels: str) -> Sdf.ValueTypeName:
+    """The type of a UsdUVTexture's output of some channels."""
+    return Names.Float3 if channels == "rgb" else Names.Float
