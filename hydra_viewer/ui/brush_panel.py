@@ -77,8 +77,6 @@ class Share(QWidget):
         self.box.setRange(*ends)
         self.box.setSingleStep(10.0**-digits * 2)
         self.box.setFixedWidth(70)
-        self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
-        self.setFocusProxy(self.box)
         layout = QHBoxLayout(self)
         layout.setContentsMargins(0, 0, 0, 0)
         layout.addWidget(self._slider, 1)
@@ -126,8 +124,10 @@ class BrushPanel(QWidget):
         for each in (form, more):
             each.setLabelAlignment(Qt.AlignmentFlag.AlignVCenter)
             each.setFieldGrowthPolicy(QFormLayout.FieldGrowthPolicy.AllNonFixedFieldsGrow)
-        form.addRow(words.SIZE, self.radius)
-        form.addRow(words.STRENGTH, self.strength)
+        for name, share in ((words.SIZE, self.radius), (words.STRENGTH, self.strength)):
+            label = QLabel(name)
+            label.setBuddy(share.box)  # no focus proxy: with one Tab would come back to the number, again and again
+            form.addRow(label, share)
         for name, box in self.choices.items():
             more.addRow(words.CHOICES[name][0], box)
         layout.addWidget(self.tools)
