@@ -62,7 +62,7 @@ def test_where_maps_leave_only_an_ior_nothing_asks_for_a_coloured_highlight(tmp_
 def test_a_coloured_highlight_that_takes_the_place_of_maps_is_twice_as_odd(tmp_path: Path) -> None:
     o = Options()
     tables, candidates = answers_of(plain_card(tmp_path))
-    colored = next(c for c in with_color(candidates) if c.id == "specular")
+    colored = replace(next(c for c in with_color(candidates) if c.id == "specular"), level=tables.own)
     grey = replace(colored, delta_f0=np.full(3, 0.1))
     maps = replace(tables, colored=Colored.MAPS)
     assert score(maps, o, colored) == pytest.approx(score(tables, o, colored) + o.kind)

@@ -109,7 +109,8 @@ def errors_of_rounds(play: PlayLike, step: Step) -> tuple[list[float], list[floa
         last = answers
         (answer,) = answers
         tables = pool_tables([p.evidence(field) for p in painted], answer.pool.material, field.model)
-        shown = answer.chosen.radiance(tables)
+        chosen = replace(answer.chosen, level=tables.own)  # its level is one of the tables that it was fitted to
+        shown = chosen.radiance(tables)
         off = (shown - tables.target) / tables.scale
         error.append(float(np.sqrt((off * off).mean())))
         bias.append(float(shown.sum() / tables.target.sum() - 1))

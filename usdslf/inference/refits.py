@@ -63,7 +63,7 @@ def refit_tables(tables: Tables, chosen: Candidate, options: Options, painted: b
         painted: all strokes are colours that a painter chose.
     """
     if not chosen.freed:
-        return chosen
+        return replace(chosen, level=tables.own)
     if "glossiness" in chosen.freed:
         problem = refit_problem(tables, options)
         best = min(refit_levels(problem, chosen, range(FINE_LEVELS)), key=lambda c: c.misfit)
