@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from kit.dull_tables import N, dull_tables
 
+import usdslf.inference.paint_errors
 from usdslf.inference.bilinear import Bilinear
 from usdslf.inference.candidate import Candidate
 from usdslf.inference.paint_errors import paint_errors
@@ -17,13 +18,16 @@ from usdslf.inference.whitening import White, whiten
 
 @pytest.mark.parametrize("swatches", [0, 5])
 @pytest.mark.parametrize("painted", [False, True])
-def test_products_are_those_of_the_whole_matrix(painted: bool, swatches: int) -> None:
+def test_products_are_those_of_the_whole_matrix(
+    painted: bool, swatches: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
     rng = np.random.default_rng(2)
     t = dull_tables(rng)
     alike = np.arange(N) < swatches
     t = replace(t, swatch=np.where(alike, 0, -1), has_one_color=alike, stroke=np.arange(N) // (N // 2))
     white = whiten(t, Options())
-    if painted:
+    if painted:  # of few dabs channels err by shares of their own
+        monkeypatch.setattr(usdslf.inference.paint_errors, "MOST_GROUPS", 4)
         white = paint_errors(t, Options(), Candidate(("diffuse",), level=0, freedoms=3)).white
     assert white.whole is None
     whole = White(None, None, white.matrix)
