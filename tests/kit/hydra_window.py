@@ -71,6 +71,15 @@ class Hand:
         self.wait(lambda: self.canvas.viewport.pixels() is not None)
         return self.picture(lambda: None, 0.9)
 
+    def rested(self, act: Callable[[], object]) -> np.ndarray:
+        """Does something that is solved, in the Hydra viewport; returns its picture at rest of what came of it."""
+        act()
+        self.solved()
+        QTest.qWait(50)  # what was found is told
+        viewport = self.canvas.viewport
+        self.wait(lambda: viewport._drawn.wish is viewport._renderer._wish and viewport._drawn.share >= 1)
+        return np.array(viewport.pixels())
+
     def drag(self, path: list[tuple[float, float]], held: Qt.KeyboardModifier = NONE) -> None:
         canvas = self.canvas
         points = [QPoint(round(x * canvas.width()), round(y * canvas.height())) for x, y in path]
@@ -83,7 +92,7 @@ class Hand:
 
     def reloaded(self) -> np.ndarray:
         """Reads the shot anew, looks round and undoes meanwhile; returns the Hydra viewport's picture at rest."""
-        viewport, view = self.canvas.viewport, self.window.easel.view
+        view = self.window.easel.view
         shot = self.window.document.shot
         self.window.filing.reload()
         self.drag([(0.5, 0.5), (0.52, 0.48), (0.54, 0.48)], ALT)
@@ -91,9 +100,7 @@ class Hand:
         self.window.document.undo()
         self.window.easel.look_from(view)
         self.wait(lambda: self.window.document.shot is not shot)
-        self.solved()
-        self.wait(lambda: viewport._drawn.wish is viewport._renderer._wish and viewport._drawn.share >= 1)
-        return np.array(viewport.pixels())
+        return self.rested(lambda: None)
 
     def solved(self) -> None:
         self.wait(lambda: self.window.document.is_solved and self.window.worker.is_idle)
@@ -120,13 +127,9 @@ def work(folder: Path) -> dict[str, np.ndarray]:
     window.easel.set_brush(color=(0.15 * level, level, 0.15 * level), radius=0.03)
     dab = [(0.48, 0.48), (0.5, 0.48), (0.52, 0.5), (0.5, 0.52)]
 
-    def paint() -> None:
-        hand.drag(dab)
-        hand.solved()
-
-    out["painted"] = hand.picture(paint)
+    out["painted"] = hand.rested(lambda: hand.drag(dab))
     out["sentence"] = np.array("\n".join(window.understanding_panel.sentences))
-    out["undone"] = hand.picture(lambda: (window.document.undo(), hand.solved()))
+    out["undone"] = hand.rested(window.document.undo)
     sunlit = stage.read_text().replace("inputs:intensity = 8", "inputs:intensity = 16")
     assert sunlit.encode() != before
     stage.write_text(sunlit)  # by another program
@@ -135,7 +138,7 @@ def work(folder: Path) -> dict[str, np.ndarray]:
     out["as before"] = hand.reloaded()
     window.bar.hide()
     hand.wait(lambda: hand.canvas.viewport.pixels().shape == out["undone"].shape)
-    out["done again"] = hand.picture(lambda: (window.document.redo(), hand.solved()))
+    out["done again"] = hand.rested(window.document.redo)
     window.filing.save()
     hand.wait(lambda: window.document.is_saved and window.worker.is_idle)
     out["look"] = np.array((folder / "look.usda").read_text())
