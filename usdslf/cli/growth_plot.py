@@ -32,7 +32,7 @@ def plot_growth(found: Mapping[str, list[Point]], folder: Path) -> Path:
     from matplotlib.figure import Figure
 
     rows = -(-len(found) // COLUMNS)
-    figure = Figure(figsize=(4.2 * min(COLUMNS, len(found)), 3.4 * rows), layout="constrained")
+    figure = Figure(figsize=(4.2 * min(COLUMNS, len(found)), 4.1 * rows), layout="constrained")
     FigureCanvasAgg(figure)
     for number, (axis, points) in enumerate(found.items()):
         _draw(figure.add_subplot(rows, min(COLUMNS, len(found)), number + 1), axis, points)
@@ -56,4 +56,4 @@ def _draw(plot: Any, axis: str, points: list[Point]) -> None:
     memory.loglog(sizes, [p["memory"] / 2**30 for p in points], "s--", color="tab:red", markersize=3, linewidth=1)
     memory.set_ylabel("GiB (dashed)", color="tab:red")
     memory.set_ylim(0.25, 32)
-    plot.legend(fontsize=6, loc="upper left")
+    plot.legend(fontsize=7, loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=3, frameon=False)
