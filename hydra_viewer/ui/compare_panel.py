@@ -5,14 +5,12 @@ from __future__ import annotations
 from PySide6.QtCore import QSignalBlocker, Qt, Signal
 from PySide6.QtGui import QKeyEvent
 from PySide6.QtWidgets import (
-    QButtonGroup,
     QComboBox,
     QDoubleSpinBox,
     QFormLayout,
     QHBoxLayout,
     QLabel,
     QPushButton,
-    QToolButton,
     QVBoxLayout,
     QWidget,
 )
@@ -21,6 +19,7 @@ from hydra_viewer.model.comparison import BEFORE, MODES, MOST_GAIN, Comparison
 from hydra_viewer.model.document import Document
 from hydra_viewer.ui import panel_words as words
 from hydra_viewer.ui import theme
+from hydra_viewer.ui.choice_row import choice_row
 from hydra_viewer.ui.own_keys import KeyList
 from hydra_viewer.ui.words import tooltip
 
@@ -59,7 +58,10 @@ class ComparePanel(QWidget):
         layout = QVBoxLayout(self)
         layout.setContentsMargins(8, 8, 8, 8)
         layout.setSpacing(6)
-        layout.addLayout(self._mode_row())
+        row, self.modes = choice_row(
+            self, MODES, words.MODES, lambda mode: comparison.set(mode=mode), words.MODE_KEYS
+        )
+        layout.addLayout(row)
         form = QFormLayout()
         form.setVerticalSpacing(4)
         form.setLabelAlignment(Qt.AlignmentFlag.AlignVCenter)
@@ -86,23 +88,6 @@ class ComparePanel(QWidget):
         comparison.changed.connect(self._update)
         document.found_changed.connect(self._update)
         self._update()
-
-    def _mode_row(self) -> QHBoxLayout:
-        row, group = QHBoxLayout(), QButtonGroup(self)
-        row.setSpacing(2)
-        self.modes: dict[str, QToolButton] = {}
-        for mode in MODES:
-            button = QToolButton()
-            button.setText(words.MODES[mode][0])
-            button.setToolTip(tooltip(*words.MODES[mode], words.MODE_KEYS[mode]))
-            button.setCheckable(True)
-            button.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
-            button.clicked.connect(lambda _=False, mode=mode: self._comparison.set(mode=mode))
-            group.addButton(button)
-            self.modes[mode] = button
-            row.addWidget(button)
-        row.addStretch(1)
-        return row
 
     def _snapshot_row(self) -> QHBoxLayout:
         row = QHBoxLayout()

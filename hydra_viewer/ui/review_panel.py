@@ -7,14 +7,12 @@ from pathlib import Path
 from PySide6.QtCore import QSignalBlocker, Qt, Signal
 from PySide6.QtGui import QColor
 from PySide6.QtWidgets import (
-    QButtonGroup,
     QComboBox,
     QFileDialog,
     QHBoxLayout,
     QLabel,
     QLineEdit,
     QPushButton,
-    QToolButton,
     QVBoxLayout,
     QWidget,
 )
@@ -25,6 +23,7 @@ from hydra_viewer.model.reviewing import details_of, reviewing, switching
 from hydra_viewer.model.verdict import Verdict, rows_of
 from hydra_viewer.ui import panel_words as words
 from hydra_viewer.ui import theme
+from hydra_viewer.ui.choice_row import choice_row
 from hydra_viewer.ui.review_details import ReviewDetails
 from hydra_viewer.ui.review_picture import MODES, ReviewPicture
 from hydra_viewer.ui.review_tree import ReviewTree
@@ -114,22 +113,10 @@ class ReviewPanel(QWidget):
         return row
 
     def _mode_row(self) -> QHBoxLayout:
-        row, group = QHBoxLayout(), QButtonGroup(self)
-        row.setSpacing(2)
-        self.modes: dict[str, QToolButton] = {}
-        for mode in MODES:
-            button = QToolButton()
-            button.setText(words.REVIEW_MODES[mode][0])
-            button.setToolTip(tooltip(*words.REVIEW_MODES[mode], ""))
-            button.setCheckable(True)
+        row, self.modes = choice_row(self, MODES, words.REVIEW_MODES, self.picture.set_mode)
+        for button in self.modes.values():
             button.setStyleSheet("padding: 3px 4px;")
-            button.setChecked(mode == self.picture.mode)
-            button.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
-            button.clicked.connect(lambda _=False, mode=mode: self.picture.set_mode(mode))
-            group.addButton(button)
-            self.modes[mode] = button
-            row.addWidget(button)
-        row.addStretch(1)
+        self.modes[self.picture.mode].setChecked(True)
         return row
 
     # ── reviewing ──────────────────────────────────────────────────────────────────────────────

@@ -7,12 +7,10 @@ from collections.abc import Callable, Sequence
 from PySide6.QtCore import QEvent, QObject, Qt, Signal
 from PySide6.QtGui import QColor
 from PySide6.QtWidgets import (
-    QButtonGroup,
     QGridLayout,
     QHBoxLayout,
     QLabel,
     QPushButton,
-    QToolButton,
     QVBoxLayout,
     QWidget,
 )
@@ -22,6 +20,7 @@ from hydra_viewer.model.understanding import Alternative, ParameterChange, Under
 from hydra_viewer.ui import panel_words as words
 from hydra_viewer.ui import theme
 from hydra_viewer.ui.alternative_tile import AlternativeTile
+from hydra_viewer.ui.choice_row import choice_row
 from hydra_viewer.ui.swatches import ColorChange, ValueChange
 from hydra_viewer.ui.words import tooltip
 from usdslf import SCOPES
@@ -177,25 +176,12 @@ class UnderstandingCard(QWidget):
     # ── how far it goes ────────────────────────────────────────────────────────────────────────
 
     def _add_scope(self) -> None:
-        row = QHBoxLayout()
-        row.setSpacing(2)
         self._layout.addWidget(_dim(words.SCOPE_TITLE))
-        group = QButtonGroup(self)
-        self.scopes: dict[str, QToolButton] = {}
-        for scope in SCOPES:
-            button = QToolButton()
-            button.setText(words.SCOPES[scope][0])
-            button.setToolTip(tooltip(*words.SCOPES[scope], ""))
-            button.setCheckable(True)
-            button.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
+        row, self.scopes = choice_row(self, SCOPES, words.SCOPES, self.scope_chosen.emit)
+        for button in self.scopes.values():
             button.setProperty("isTight", True)
-            button.setChecked(scope == self.group.scope)
             button.installEventFilter(self)
-            button.clicked.connect(lambda _=False, scope=scope: self.scope_chosen.emit(scope))
-            group.addButton(button)
-            self.scopes[scope] = button
-            row.addWidget(button)
-        row.addStretch(1)
+        self.scopes[self.group.scope].setChecked(True)
         self._layout.addLayout(row)
         if self.group.sharing and self.group.scope in ("material", "similar"):
             shared = _dim(words.shared_by(len(self.group.sharing), self.group.sharing[0].rsplit("/", 1)[-1]))
