@@ -42,7 +42,6 @@ _SCALARS: dict[str, tuple[str, float]] = {
     "opacity": ("opacity", 1.0),
 }
 Affine = tuple[tuple[float, float, float], ...]
-_IDENTITY: Affine = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
 class MaterialTable:
