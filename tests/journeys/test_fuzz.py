@@ -18,7 +18,7 @@ from typing import Any
 
 import pytest
 from kit.fuzz_worker import PAINT
-from kit.fuzzed import write_shot
+from kit.fuzzed_shot import write_shot
 from kit.share import rows_of_share
 
 from usdslf.cli.main import main

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from kit.fuzzed import write_shot
+from kit.fuzzed_shot import write_shot
 from pxr import Sdf, Usd
 
 from usdslf.errors import InputError, StageError, StrokeError
