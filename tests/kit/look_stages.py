@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, UsdValidation, Vt
+from pxr import Gf, Kind, Sdf, Usd, UsdGeom, UsdShade, UsdValidation, Vt
 from reference.preview_surface_inputs import FALLBACKS, reflectance
 
 from usdslf.edits.edits import MaterialChange, Reflectance
@@ -86,6 +86,30 @@ def new_shot(folder: Path) -> Usd.Stage:
 
 
 @lru_cache
+def new_instances(folder: Path) -> Usd.Stage:
+    """/World/a and /World/b are instances of an asset of two gprims, in which /inner is an instance too."""
+    asset = Usd.Stage.CreateNew(str(folder / "asset.usda"))
+    red = None
+    for root in ("/inner", "/asset"):
+        prim = UsdGeom.Xform.Define(asset, root).GetPrim()
+        UsdGeom.Scope.Define(asset, f"{root}/mtl")
+        red = add_material(asset, f"{root}/mtl/red", diffuseColor=Gf.Vec3f(0.6, 0.2, 0.1))
+        bind(UsdGeom.Sphere.Define(asset, f"{root}/ball").GetPrim(), red)
+        bind(UsdGeom.Sphere.Define(asset, f"{root}/ball2").GetPrim(), red)
+        Usd.ModelAPI(prim).SetKind(Kind.Tokens.component)
+    nested = asset.DefinePrim("/asset/nested", "Xform")
+    nested.GetReferences().AddInternalReference("/inner")
+    nested.SetInstanceable(True)
+    asset.GetRootLayer().Save()
+    stage = new_stage(folder / "shot.usda")
+    for name in ("a", "b"):
+        prim = stage.DefinePrim(f"/World/{name}", "Xform")
+        prim.GetReferences().AddReference("./asset.usda", "/asset")
+        prim.SetInstanceable(True)
+    stage.GetRootLayer().Save()
+    return stage
+
+
 def image_file() -> str:
     """An image that can be read."""
     return str(write_image(Path(tempfile.mkdtemp(prefix="usdslf_")) / "map.png", np.full((2, 2, 3), 0.5)))
