@@ -1,4 +1,4 @@
-"""Reading gprims: analytic stages, every rule of placement and topology, and the real stages."""
+"""Reading gprims: analytic stages, every rule of topology, and the real stages."""
 
 from __future__ import annotations
 
@@ -7,39 +7,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, UsdSkel, Vt
+from kit.read_meshes import DEFAULT, SQUARE, add_mesh, only, read, stage
+from pxr import Sdf, Usd, UsdGeom, UsdShade, Vt
 
 from usdslf.scene.records import Mesh
 from usdslf.usd.read import geometry
-from usdslf.usd.read.geometry import read_meshes
-
-DEFAULT = Usd.TimeCode.Default()
-SQUARE = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)]
-
-
-def stage() -> Usd.Stage:
-    return Usd.Stage.CreateInMemory()
-
-
-def add_mesh(s, path, points, faces, scheme="none"):
-    mesh = UsdGeom.Mesh.Define(s, path)
-    mesh.CreatePointsAttr(points)
-    mesh.CreateFaceVertexCountsAttr([len(f) for f in faces])
-    mesh.CreateFaceVertexIndicesAttr([i for f in faces for i in f])
-    if scheme:
-        mesh.CreateSubdivisionSchemeAttr(scheme)
-    return mesh
-
-
-def read(s, time=DEFAULT, refine=1, material=lambda prim, given: 0):
-    warnings: list[str] = []
-    return read_meshes(s, time, material, refine, warnings), warnings
-
-
-def only(s, **options) -> Mesh:
-    meshes, warnings = read(s, **options)
-    assert len(meshes) == 1 and not warnings, (meshes, warnings)
-    return meshes[0]
 
 
 def face_normals(mesh: Mesh):
@@ -369,92 +341,6 @@ def test_transforms_with_reset_and_time():
     assert only(s, time=Usd.TimeCode(5)).positions.min(0) == pytest.approx([0, 5, 0])
 
 
-def test_scene_instances_share_and_say_where_to_write():
-    s = stage()
-    s.CreateClassPrim("/asset")
-    add_mesh(s, "/asset/m", SQUARE, [[0, 1, 2, 3]])
-    for i, name in enumerate("AB"):
-        x = UsdGeom.Xform.Define(s, f"/{name}")
-        x.GetPrim().GetReferences().AddInternalReference("/asset")
-        x.GetPrim().SetInstanceable(True)
-        x.AddTranslateOp().Set((3 * i, 0, 0))
-        UsdGeom.PrimvarsAPI(x).CreatePrimvar("displayColor", Sdf.ValueTypeNames.Color3fArray).Set([(i, i, 1)])
-    meshes, warnings = read(s)
-    assert not warnings and [m.path for m in meshes] == ["/A/m", "/B/m"]
-    assert [m.prototype for m in meshes] == ["/A", "/B"]
-    assert meshes[1].positions.min(0) == pytest.approx([3, 0, 0])
-    assert meshes[1].primvars["displayColor"][0, 0] == pytest.approx([1, 1, 1])
-
-
-def instancer(s, path="/i"):
-    out = UsdGeom.PointInstancer.Define(s, path)
-    ball = UsdGeom.Cube.Define(s, f"{path}/protos/cube")
-    ball.AddTranslateOp().Set((0, 0, 5))
-    add_mesh(s, f"{path}/protos/group/m", SQUARE, [[0, 1, 2, 3]])
-    s.GetPrimAtPath(f"{path}/protos").SetSpecifier(Sdf.SpecifierOver)
-    out.CreatePrototypesRel().SetTargets([f"{path}/protos/cube", f"{path}/protos/group"])
-    return out
-
-
-def test_point_instancer_places_prototypes():
-    s = stage()
-    i = instancer(s)
-    i.AddTranslateOp().Set((0, 100, 0))
-    i.CreateProtoIndicesAttr([0, 1, 0, 1])
-    i.CreatePositionsAttr().Set([(0, 0, 0), (10, 0, 0), (20, 0, 0), (30, 0, 0)], 1)
-    i.GetPositionsAttr().Set([(0, 0, 0), (11, 0, 0), (20, 0, 0), (30, 0, 0)], 3)
-    turn = Gf.Quath(math.sqrt(0.5), 0, 0, math.sqrt(0.5))  # a quarter about Z
-    i.CreateOrientationsAttr([turn] * 4)
-    i.CreateScalesAttr([(1, 1, 1), (2, 2, 2), (1, 1, 1), (1, 1, 1)])
-    i.CreateInvisibleIdsAttr([2])
-    pv = UsdGeom.PrimvarsAPI(i).CreatePrimvar("displayColor", Sdf.ValueTypeNames.Color3fArray, "vertex")
-    pv.Set([(j / 4, 0, 0) for j in range(4)])
-    meshes, warnings = read(s, Usd.TimeCode(2))
-    assert not warnings
-    assert [m.path for m in meshes] == [
-        "/i/protos/cube[0]",
-        "/i/protos/group/m[1]",
-        "/i/protos/group/m[3]",
-    ]
-    assert [m.prototype for m in meshes] == ["/i/protos/cube", "/i/protos/group/m", "/i/protos/group/m"]
-    # The prototype's own transform comes first.
-    assert meshes[0].positions.mean(0) == pytest.approx([0, 100, 5], abs=1e-3)
-    # Square (0..1)^2 scaled by 2, turned to x in -2..0, moved to half way between the samples.
-    low, high = meshes[1].positions.min(0), meshes[1].positions.max(0)
-    assert low == pytest.approx([8.5, 100, 0], abs=0.02) and high == pytest.approx([10.5, 102, 0], abs=0.02)
-    assert meshes[1].primvars["displayColor"][0, 0] == pytest.approx([0.25, 0, 0])
-    i.GetProtoIndicesAttr().Set([0, 7, 0, 1])
-    meshes, warnings = read(s, Usd.TimeCode(2))
-    assert len(meshes) == 2 and "/i" in warnings[0]
-    i.GetPositionsAttr().Set([(0, 0, 0)], 2)
-    meshes, warnings = read(s, Usd.TimeCode(2))
-    assert not meshes and any("/i" in w for w in warnings)
-
-
-def test_nested_point_instancers_and_shared_prototypes():
-    s = stage()
-    inner = instancer(s, "/outer/protos/inner")
-    inner.CreateProtoIndicesAttr([1, 1])
-    inner.CreatePositionsAttr([(0, 0, 0), (2, 0, 0)])
-    outer = UsdGeom.PointInstancer.Define(s, "/outer")
-    outer.CreatePrototypesRel().SetTargets(["/outer/protos/inner"])
-    outer.CreateProtoIndicesAttr([0, 0])
-    outer.CreatePositionsAttr([(0, 0, 0), (0, 10, 0)])
-    # A second instancer that uses the same prototype from outside.
-    other = UsdGeom.PointInstancer.Define(s, "/other")
-    other.CreatePrototypesRel().SetTargets(["/outer/protos/inner"])
-    other.CreateProtoIndicesAttr([0])
-    other.CreatePositionsAttr([(0, 0, 50)])
-    meshes, warnings = read(s)
-    assert not warnings and len(meshes) == 6
-    assert len({m.path for m in meshes}) == 6
-    assert meshes[3].positions.min(0) == pytest.approx([2, 10, 0])
-    assert meshes[5].positions.min(0) == pytest.approx([2, 0, 50])
-    # An instancer inside itself ends.
-    outer.GetPrototypesRel().SetTargets(["/outer"])
-    assert any("/outer" in w for w in read(s)[1])
-
-
 def test_subsets_bind_materials_by_face():
     s = stage()
     points = [(i % 3, i // 3, 0) for i in range(9)]
@@ -476,79 +362,6 @@ def test_subsets_bind_materials_by_face():
     first.GetIndicesAttr().Set([0, 1, 3])
     del table["/m"]
     assert set(only(s, material=lambda prim, given: table[str(prim.GetPath())]).material_of_triangle) == {6, 7}
-
-
-def skinned_stage():
-    """A strip of points whose upper row follows a joint that turns a quarter about Z at frame 10."""
-    s = stage()
-    UsdSkel.Root.Define(s, "/root")
-    skeleton = UsdSkel.Skeleton.Define(s, "/root/skel")
-    skeleton.AddTranslateOp().Set((0, 0, 7))
-    joints = ["low", "low/high"]
-    skeleton.CreateJointsAttr(joints)
-    bind = [Gf.Matrix4d(1), Gf.Matrix4d().SetTranslate((0, 1, 0))]
-    skeleton.CreateBindTransformsAttr(bind)
-    skeleton.CreateRestTransformsAttr(bind)
-    animation = UsdSkel.Animation.Define(s, "/root/skel/anim")
-    animation.CreateJointsAttr(joints)
-    animation.CreateTranslationsAttr([(0, 0, 0), (0, 1, 0)])
-    animation.CreateScalesAttr([(1, 1, 1)] * 2)
-    still = Gf.Quatf(1, 0, 0, 0)
-    turned = Gf.Quatf(math.sqrt(0.5), 0, 0, math.sqrt(0.5))
-    animation.CreateRotationsAttr().Set([still, still], 0)
-    animation.GetRotationsAttr().Set([still, turned], 10)
-    UsdSkel.BindingAPI.Apply(skeleton.GetPrim()).CreateAnimationSourceRel().SetTargets(["/root/skel/anim"])
-    points = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (1, 1, 0), (0, 2, 0), (1, 2, 0)]
-    mesh = add_mesh(s, "/root/m", points, [[0, 1, 3, 2], [2, 3, 5, 4]])
-    mesh.AddTranslateOp().Set((1000, 0, 0))  # a skinned mesh is placed by its skeleton
-    mesh.CreateNormalsAttr([(1, 0, 0)] * 6)
-    binding = UsdSkel.BindingAPI.Apply(mesh.GetPrim())
-    binding.CreateSkeletonRel().SetTargets(["/root/skel"])
-    # The mesh names the joints in its own order.
-    binding.CreateJointsAttr(["low/high", "low"])
-    binding.CreateJointIndicesPrimvar(False, 1).Set([1, 1, 1, 1, 0, 0])
-    binding.CreateJointWeightsPrimvar(False, 1).Set([1.0] * 6)
-    return s, mesh, animation
-
-
-def test_skinned_points_and_normals_follow_the_joints():
-    s, _, _ = skinned_stage()
-    rest = only(s, time=Usd.TimeCode(0))
-    assert rest.positions == pytest.approx(
-        np.array([(0, 0, 7), (1, 0, 7), (0, 1, 7), (1, 1, 7), (0, 2, 7), (1, 2, 7)])
-    )
-    posed = only(s, time=Usd.TimeCode(10))
-    # A quarter turn about (0, 1): (0, 2) -> (-1, 1), (1, 2) -> (-1, 2); what is bound to `low` stays.
-    assert posed.positions[4:] == pytest.approx(np.array([(-1, 1, 7), (-1, 2, 7)]), abs=1e-5)
-    assert posed.positions[:4] == pytest.approx(rest.positions[:4], abs=1e-5)
-    normals = {
-        v: n for v, n in zip(posed.triangles.ravel(), posed.corner_normals.reshape(-1, 3), strict=True)
-    }
-    assert normals[5] == pytest.approx([0, 1, 0], abs=1e-5) and normals[0] == pytest.approx(
-        [1, 0, 0], abs=1e-5
-    )
-
-
-def test_blend_shapes_deform():
-    s, mesh, animation = skinned_stage()
-    animation.CreateBlendShapesAttr(["wide"])
-    animation.CreateBlendShapeWeightsAttr([0.5])
-    shape = UsdSkel.BlendShape.Define(s, "/root/m/wide")
-    shape.CreateOffsetsAttr([(4, 0, 0)])
-    shape.CreatePointIndicesAttr([1])
-    binding = UsdSkel.BindingAPI(mesh.GetPrim())
-    binding.CreateBlendShapesAttr(["wide"])
-    binding.CreateBlendShapeTargetsRel().SetTargets(["/root/m/wide"])
-    out = only(s, time=Usd.TimeCode(0))
-    assert out.positions[1] == pytest.approx([3, 0, 7])
-
-
-def test_skin_without_skeleton_stays_at_rest():
-    s, _, _ = skinned_stage()
-    s.RemovePrim("/root/skel")
-    meshes, warnings = read(s, Usd.TimeCode(0))
-    assert len(meshes) == 1 and meshes[0].positions.min(0) == pytest.approx([1000, 0, 0])
-    assert all("/root/m" in w for w in warnings)
 
 
 REAL = {
