@@ -7,12 +7,13 @@ from typing import Any
 
 import numpy as np
 from kit.scene_records import quad
+from numpy.typing import NDArray
 from pxr import Gf
 
 from usdslf.gpu.device import Device
 from usdslf.rays import RayTracer
 from usdslf.render.picture import LitScene, PictureOptions, render
-from usdslf.scene.records import Camera, Material, Scene, constant
+from usdslf.scene.records import Camera, Light, Material, Scene, constant
 
 SIZE = (36, 28)
 
@@ -34,6 +35,18 @@ def matte(color: Sequence[float] = (0.5, 0.5, 0.5), **inputs: Any) -> Material:
 def ground(half: float = 1.0, **kw: Any) -> Any:
     """A square in y = 0 facing up."""
     return quad((-half, 0, half), (2 * half, 0, 0), (0, 0, -2 * half), **kw)
+
+
+def white_dome(radiance: float = 1.0) -> Light:
+    return Light("/dome", "dome", (radiance,) * 3, np.eye(4))
+
+
+def looking_down(at: Sequence[float]) -> NDArray:
+    """The frame of a light at a point, shining along -y."""
+    m = np.eye(4)
+    m[:3, :3] = [[1, 0, 0], [0, 0, 1], [0, -1, 0]]
+    m[:3, 3] = at
+    return m
 
 
 def picture(scene: Scene, camera: Camera, device: Device, light_field: Any = None, **options: Any) -> dict:
