@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 from structure import (
+    LONGEST_MODULE,
     ROOT,
     Module,
     Structure,
@@ -51,6 +52,12 @@ def test_no_test_imports_another_one() -> None:
         for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
             if isinstance(node, ast.ImportFrom):
                 assert not (node.module or "").rsplit(".", 1)[-1].startswith("test_"), (file, node.lineno)
+
+
+def test_files_of_tests_are_short_too() -> None:
+    lines = {file: file.read_text(encoding="utf-8").count("\n") for file in (ROOT / "tests").rglob("*.py")}
+    assert len(lines) > 200
+    assert {str(file): n for file, n in lines.items() if n > LONGEST_MODULE} == {}
 
 
 def test_tests_lie_in_the_folders_of_what_they_test() -> None:
