@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 from kit import displays
-from kit.share import first_of_share, share_of
+from kit.share import claims, first_of_share, is_alike, not_taken, share_of
 
 import usdslf  # noqa: F401  (announces the stroke schema before a test opens a stage)
 from usdslf import cache
@@ -29,6 +29,7 @@ os.environ.setdefault("USDSLF_CACHE", "weights")
 ASSETS = Path(__file__).resolve().parents[2] / "shared/assets"
 INPUTS = ASSETS.parent / "inputs"  # small stages that once failed
 _left_out = pytest.StashKey[int]()
+_asked_by_others = pytest.StashKey[int]()
 
 
 def _assets_required() -> bool:
@@ -40,9 +41,13 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    divided = [item for item in items if item.get_closest_marker("divided")]
-    others = set(divided) - set(share_of(divided))
-    items[:] = _from_share([item for item in items if item not in others])
+    divided = {item: piece for item in items if (piece := _piece(item))}
+    if not claims():
+        mine = set(share_of(list(dict.fromkeys(divided.values()))))
+        items[:] = [item for item in items if divided.get(item) in (None, *mine)]
+    # What all runs ask stands first: the rest is taken as each comes to it, so that all end at the same time.
+    rest = set(divided) if claims() else set()
+    items[:] = [*_from_share([i for i in items if i not in rest]), *(i for i in items if i in rest)]
     if _assets_required():
         return
     missing = {name for name, folder in (("assets", ASSETS), ("inputs", INPUTS)) if not folder.is_dir()}
@@ -54,11 +59,36 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     items[:] = [item for item in items if item not in without]
 
 
+def _piece(item: pytest.Item) -> str | None:
+    """What one of several runs side by side asks: a module, or a case that is marked so; None is for all."""
+    if item.get_closest_marker("divided"):
+        return item.nodeid
+    return str(item.path) if is_alike(item.path) else None
+
+
 def _from_share(items: list[pytest.Item]) -> list[pytest.Item]:
     """Begins with the modules of this run's share, so that each of several finds in the cache what others made."""
     modules = list(dict.fromkeys(item.path for item in items))
     first = set(modules[: first_of_share(len(modules))])
     return [item for item in items if item.path not in first] + [item for item in items if item.path in first]
+
+
+def pytest_runtestloop(session: pytest.Session) -> bool | None:
+    """pytest's own loop, over what this run takes where others run beside it."""
+    folder = claims()
+    if folder is None or session.config.option.collectonly or session.testsfailed:
+        return None
+    asked = 0
+    items = not_taken(session.items, _piece, folder)
+    item = next(items, None)
+    while item is not None:
+        asked, following = asked + 1, next(items, None)
+        item.config.hook.pytest_runtest_protocol(item=item, nextitem=following)
+        if session.shouldfail or session.shouldstop:
+            raise session.Failed(session.shouldfail or session.shouldstop)
+        item = following
+    session.config.stash[_asked_by_others] = len(session.items) - asked
+    return True
 
 
 @pytest.fixture(autouse=True)
@@ -88,6 +118,9 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter, config: p
     count = config.stash.get(_left_out, 0)
     if count:
         terminalreporter.write_line(f"left out: {count} tests on real stages, there is no folder {ASSETS}")
+    elsewhere = config.stash.get(_asked_by_others, 0)
+    if elsewhere:
+        terminalreporter.write_line(f"{elsewhere} tests more, alike on all, are asked by the runs beside this one")
     why_no_qt = displays.why_no_qt()
     if why_no_qt:
         terminalreporter.write_line(f"left out: the tests of windows, Qt cannot be loaded: {why_no_qt}")

@@ -29,7 +29,7 @@ from hydra_viewer.model.document import Files
 from hydra_viewer.ui.window import Window
 from usdslf import read_strokes
 
-PER_SHOT = 12  # strokes before the shot is saved and another one opened
+PER_SHOT = 12
 ON_TABLE = np.array([[0.35, 0.85], [0.4, 0.87], [0.45, 0.86]])
 
 
@@ -42,11 +42,14 @@ class Hour:
     memory: list[float] = field(default_factory=list)
 
 
-def work(count: int, folder: Path, say: Callable[[str], None] = lambda said: None) -> Hour:
+def work(
+    count: int, folder: Path, say: Callable[[str], None] = lambda said: None, per_shot: int = PER_SHOT
+) -> Hour:
     """Paints strokes on two shots in turn, and counts those that did not reach their file.
 
     Args:
         say: told after each shot.
+        per_shot: strokes before the shot is saved and another one opened.
     """
     hour, rng = Hour(), np.random.default_rng(0)
     stages = []
@@ -56,7 +59,7 @@ def work(count: int, folder: Path, say: Callable[[str], None] = lambda said: Non
     with opened(stages[0], stages[0].with_name("strokes_0.usda"), stages[0].with_name("look.usda")) as window:
         number = 0
         while hour.strokes < count:
-            painted = _paint_shot(window, min(PER_SHOT, count - hour.strokes), rng)
+            painted = _paint_shot(window, min(per_shot, count - hour.strokes), rng)
             hour.strokes += painted
             window.filing.save()
             wait_for(lambda: window.worker.is_idle and window.document.is_saved)

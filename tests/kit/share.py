@@ -1,17 +1,76 @@
-"""The share of a long suite that one of several runs side by side asks: `USDSLF_SHARE=1/2` is the second half.
+"""Runs side by side divide what is alike on all of them: each case is asked by one of the runs.
 
-The gate runs all tests on several Pythons at once.  Suites that count how often the numerics are right (hundreds of
-solves, alike on all of them) are divided among those runs, so that one gate asks each case once.  Without the variable
-a run asks all.
+The gate runs the tests on several Pythons at once.  What depends on a Python (commands, USD, windows, processes, texts,
+the public names) each of them asks.  What OpenCL, Embree and numpy compute is alike on all, and so are the sources:
+modules of ALIKE, and cases of functions that are marked `divided`, go one by one to the run that comes to them first,
+so that all runs end at the same time.  What was taken stands as files in the folder USDSLF_CLAIMS, a new one for each
+gate.  Suites whose cases are counted together ask every n-th, or a half of them: USDSLF_SHARE=1/2 is the second.
+
+Without these variables a run asks all.  With a share and no folder it asks its share of what is marked.
 """
 
 from __future__ import annotations
 
+import hashlib
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
 from typing import TypeVar
 
 Item = TypeVar("Item")
+
+# Folders and modules of tests/ that ask nothing but what is computed, or what the sources are.
+ALIKE = (
+    "animation", "batch/test_joint.py", "edits", "elements", "geometry", "hydra_viewer/test_on_a_display.py",
+    "inference", "journeys/test_demo.py", "light_field", "lights", "render", "sampling", "similarity", "strokes",
+    "stylize", "surfaces", "test_sentences.py", "test_structure.py", "truth", "usd/author/test_look_round_trip.py",
+)  # fmt: skip
+COUNTED = ("inference/test_recovery.py",)  # divided by what they count, below
+TESTS = Path(__file__).resolve().parents[1]
+
+
+def is_alike(module: Path) -> bool:
+    """Whether a module of tests/ is alike on all Pythons."""
+    path = module.resolve().relative_to(TESTS).as_posix()
+    return path not in COUNTED and any(path == name or path.startswith(f"{name}/") for name in ALIKE)
+
+
+def claims() -> Path | None:
+    """Returns the folder of what runs side by side have taken, where there are others."""
+    folder = os.environ.get("USDSLF_CLAIMS")
+    return Path(folder) if folder else None
+
+
+def take(name: str, folder: Path) -> bool:
+    """Takes a piece of work for this run.
+
+    Returns: False where another run has it.
+    """
+    try:
+        with (folder / hashlib.sha256(name.encode()).hexdigest()).open("x") as file:
+            file.write(f"{name}\n{os.getpid()}\n")
+    except FileExistsError:
+        return False
+    return True
+
+
+def not_taken(items: Sequence[Item], piece: Callable[[Item], str | None], folder: Path) -> Iterator[Item]:
+    """Yields those that this run is to ask, and takes each piece of them as it comes to it.
+
+    Args:
+        items: In this run's order.
+        piece: The piece of work that an item belongs to; None for those that all runs ask.
+    """
+    mine: dict[str, bool] = {}
+    for item in items:
+        name = piece(item)
+        if name is None:
+            yield item
+            continue
+        if name not in mine:
+            mine[name] = take(name, folder)
+        if mine[name]:
+            yield item
 
 
 def share_of(items: Sequence[Item]) -> list[Item]:

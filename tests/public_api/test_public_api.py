@@ -35,9 +35,9 @@ def python(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def strict(python: Path, script: Path, folder: Path) -> str:
-    """What mypy --strict says of a script, from a folder that is not the repository."""
+    """What mypy --strict says of a script, from a folder that is not the repository; it keeps what it read."""
     command = [
-        sys.executable, "-m", "mypy", "--strict", "--config-file=", "--cache-dir", str(folder / "cache"),
+        sys.executable, "-m", "mypy", "--strict", "--config-file=", "--cache-dir", str(python.parent / "cache"),
         "--python-executable", str(python), str(script),
     ]  # fmt: skip
     return subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False).stdout
