@@ -22,7 +22,7 @@ class Damaged:
 
 
 def test_a_damaged_program_is_built_again(monkeypatch: pytest.MonkeyPatch) -> None:
-    device, built = open_device(), []
+    device, built = Device(open_device().context), []
     whole = Device._build
 
     def build(self: Device, stem: str, constants: dict[str, Any]) -> Any:
@@ -33,6 +33,12 @@ def test_a_damaged_program_is_built_again(monkeypatch: pytest.MonkeyPatch) -> No
     kernel = device.kernel("unsharp_mask", "misfit")
     assert len(built) == 2 and built[1] != built[0]  # other options: not the same entry of the cache
     assert device.kernel("unsharp_mask", "misfit") is kernel and len(built) == 2
+
+
+def test_what_is_built_for_a_device_is_built_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    kernel = open_device().kernel("unsharp_mask", "misfit")
+    monkeypatch.setattr(Device, "_build", lambda *_: pytest.fail("built again"))
+    assert open_device().kernel("unsharp_mask", "misfit") is not kernel  # arguments are each device's own
 
 
 def test_a_program_that_does_not_build_says_where(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -23,7 +23,7 @@ except ImportError as error:  # the loader itself is missing
 
 
 class Kernel:
-    """One kernel, fetched once (pyopencl makes a new one at every access)."""
+    """One kernel of a queue, whose arguments are its own."""
 
     def __init__(self, kernel: Any, queue: Any) -> None:
         self._kernel = kernel
@@ -42,16 +42,24 @@ class Kernel:
             raise _device_error(error, self._kernel.function_name) from error
 
 
+class Programs:
+    """What was built for a context, by source and macros."""
+
+    def __init__(self) -> None:
+        self.built: dict[tuple, Any] = {}
+        self.building = threading.Lock()
+
+
 class Device:
     """An OpenCL device with one in-order queue."""
 
-    def __init__(self, context: Any) -> None:
+    def __init__(self, context: Any, programs: Programs | None = None) -> None:
+        """Makes the queue; what was built for the context may be that of other devices."""
         self.context = context
         self.queue = cl.CommandQueue(context)
         self._mapping = cl.CommandQueue(context)  # of new arrays, which wait for nothing
-        self._programs: dict[tuple, Any] = {}
+        self._programs = programs or Programs()
         self._kernels: dict[tuple, Kernel] = {}
-        self._building = threading.Lock()
         self.moved = 0  # bytes between host and device so far, by `upload` and `download`
         self.memory = int(self._info.global_mem_size)
         self.largest_array = int(self._info.max_mem_alloc_size)
@@ -159,16 +167,16 @@ class Device:
 
     def kernel(self, stem: str, function: str, **constants: Any) -> Kernel:
         """Returns the kernel `function` of kernels/<stem>.cl, built with `constants` as macros."""
-        key = (stem, *sorted(constants.items()))
-        with self._building:
+        key, built = (stem, *sorted(constants.items())), self._programs.built
+        with self._programs.building:
             if (*key, function) not in self._kernels:
-                if key not in self._programs:
-                    self._programs[key] = self._build(stem, constants)
+                if key not in built:
+                    built[key] = self._build(stem, constants)
                 try:
-                    made = getattr(self._programs[key], function)
-                except AttributeError:  # a driver's cache that another process was writing: not its entry again
-                    self._programs[key] = self._build(stem, {**constants, "BUILD": os.getpid()})
-                    made = getattr(self._programs[key], function)
+                    made = cl.Kernel(built[key], function)
+                except (AttributeError, cl.LogicError):  # what another process was writing to a driver's cache
+                    built[key] = self._build(stem, {**constants, "BUILD": os.getpid()})  # not its entry again
+                    made = cl.Kernel(built[key], function)
                 self._kernels[(*key, function)] = Kernel(made, self.queue)
             return self._kernels[(*key, function)]
 
@@ -215,6 +223,8 @@ def _devices() -> list[Any]:
 def open_device(name: str | None = None) -> Device:
     """Opens an OpenCL device: by number or part of its name, else by PYOPENCL_CTX, else a GPU before a CPU.
 
+    What is built for one of them is built once in a process: half a second for each shot after the first.
+
     Raises: DeviceError where there is none, or none of that name.
     """
     devices = _devices()
@@ -231,7 +241,7 @@ def open_device(name: str | None = None) -> Device:
             ) from error
     if name is None:
         gpus = [d for d in devices if d.type & cl.device_type.GPU]
-        return Device(cl.Context([(gpus or devices)[0]]))
+        return _opened((gpus or devices)[0])
     if name.isdigit():
         chosen = devices[int(name) : int(name) + 1]
     else:
@@ -239,7 +249,16 @@ def open_device(name: str | None = None) -> Device:
     if not chosen:
         known = "; ".join(f"{i}: {d.name.strip()} ({d.platform.name.strip()})" for i, d in enumerate(devices))
         raise DeviceError(f"--device {name} names no OpenCL device; there are {known}")
-    return Device(cl.Context([chosen[0]]))
+    return _opened(chosen[0])
+
+
+_contexts: dict[int, tuple[Any, Programs]] = {}  # by the driver's handle of the device; kept as long as the process
+
+
+def _opened(device: Any) -> Device:
+    if device.int_ptr not in _contexts:
+        _contexts.setdefault(device.int_ptr, (cl.Context([device]), Programs()))
+    return Device(*_contexts[device.int_ptr])
 
 
 def _device_error(error: Exception, what: str) -> DeviceError:
