@@ -150,11 +150,13 @@ def test_unexpected_errors_are_one_line(shot: Path, run: Run, monkeypatch: pytes
 
 
 def test_bench_prints_the_agreed_table(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
-    from usdslf.cli import bench, bench_strokes
+    from usdslf.cli import bench, bench_live, bench_strokes
 
+    for module in (bench_live, bench_strokes):
+        monkeypatch.setattr(module, "REPEATS", 1)
     monkeypatch.setattr(bench, "SIZE", (32, 16))
     monkeypatch.setattr(bench_strokes, "MANY_DABS", 18)
-    code, out, err = run("bench", "--json", "--elements", 500)
+    code, out, err = run("bench", "--json", "--elements", 250)
     assert code == 0, err
     found = json.loads(out)
     rows = {row["step"]: row for row in found["rows"]}
