@@ -156,7 +156,7 @@ def test_bench_prints_the_agreed_table(run: Run, monkeypatch: pytest.MonkeyPatch
         monkeypatch.setattr(module, "REPEATS", 1)
     monkeypatch.setattr(bench, "SIZE", (32, 16))
     monkeypatch.setattr(bench_strokes, "MANY_DABS", 18)
-    code, out, err = run("bench", "--json", "--elements", 250)
+    code, out, err = run("bench", "--json", "--elements", 500)
     assert code == 0, err
     found = json.loads(out)
     rows = {row["step"]: row for row in found["rows"]}
