@@ -34,7 +34,7 @@ import numpy as np
 from numpy.typing import NDArray
 from reference.pathtracer import Tracer
 from truth.recovery.cases import SETS
-from truth.recovery.run_recovery import is_same_material, paint, read_truth, select
+from truth.recovery.run_recovery import is_same_material, on_one_copy, paint, read_truth, select
 from truth.recovery.stages import CAMERA, Case, build_stage
 from truth.recovery.textured_cases import TexturedCase
 
@@ -88,6 +88,7 @@ def see_case(case: Case | TexturedCase, ways: list[str], elements: int, samples:
         b, other = (trace(before, camera, samples, seed) for seed in (5, 977))
         wanted: dict[str, NDArray] = {}
         session = usdslf.open(before, elements=elements)
+        truth = on_one_copy(session, case, truth)
         for way in ways:
             stroke = paint(session, truth, way)
             session.add_stroke(stroke)

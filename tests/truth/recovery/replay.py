@@ -34,6 +34,7 @@ from truth.recovery.run_recovery import (
     read_truth,
     reliability,
     totals,
+    true_value,
     with_interval,
 )
 
@@ -54,11 +55,14 @@ def replayed(path: Path) -> Outcome:
         return o
     key, t = REPORT_KEY[o.expected], kept["tables"]
     c = refit_as_painted(t, Options(), kept["chosen"])
-    value = np.atleast_1d(means_of(t, c)[1][key])
-    error = float(np.abs(value - o.true).max())
+    before, value = (np.atleast_1d(m[key]) for m in means_of(t, c))
     case = next(c for group in SETS.values() for c in group if c.name == o.case)
-    ideal = half_widths(read_truth(case), o.way, SimpleNamespace(tables=t, chosen=c), key)  # type: ignore[arg-type]
-    o = replace(o, found=tuple(value.tolist()), error=error, is_close=error <= TOLERANCE[o.expected])
+    truth = kept.get("truth") or read_truth(case)
+    true = true_value(case, truth, "after", before)
+    error = float(np.abs(value - true).max())
+    ideal = half_widths(truth, o.way, SimpleNamespace(tables=t, chosen=c), key)  # type: ignore[arg-type]
+    is_close = error <= TOLERANCE[o.expected]
+    o = replace(o, true=tuple(true.tolist()), found=tuple(value.tolist()), error=error, is_close=is_close)
     return with_interval(o, getattr(interval(t, Options(), c), key), ideal)
 
 

@@ -36,6 +36,7 @@ from truth.recovery.stages import CAMERA, SIZE, Case, build_stage
 from truth.recovery.textured_cases import TexturedCase
 
 import usdslf
+from usdslf.scene.cameras import camera_rays
 
 TRUTH = Path(__file__).parent / "truth"
 WAYS = ("exact", "uneven", "flat")  # of the gate; all are in painters.py
@@ -90,6 +91,7 @@ def run_case(
     with tempfile.TemporaryDirectory() as folder:
         stage = case.build(Path(folder)) if isinstance(case, TexturedCase) else build_stage(case, Path(folder))
         session = usdslf.open(stage, elements=elements, **options)
+        truth = on_one_copy(session, case, truth)
         for way in ways:
             stroke = paint(session, truth, way)
             session.add_stroke(stroke)
@@ -100,17 +102,34 @@ def run_case(
                 ideal = half_widths(truth, way, session.answers[0], REPORT_KEY[case.parameter])
                 outcome = with_interval(outcome, report["range"].get(REPORT_KEY[case.parameter]), ideal)
             if keep is not None:
-                keep_answer(keep, outcome, session.answers[0])
+                keep_answer(keep, outcome, session.answers[0], truth)
             session.remove_stroke(stroke.name)
             found.append(outcome)
             start = time.perf_counter()
     return found
 
 
-def keep_answer(folder: Path, outcome: Outcome, answer: Any) -> None:
+def on_one_copy(session: Any, case: Case | TexturedCase, truth: dict[str, Any]) -> dict[str, Any]:
+    """Returns the truth with the dabs on the copy that has most of them alone: a stroke changes the copy it is on.
+
+    Where a shot has one copy it is the truth as it is.
+    """
+    if not (isinstance(case, TexturedCase) and case.shot.copies):
+        return truth
+    camera = next(c for c in session.scene.cameras if c.path == truth["camera"])
+    rays = camera_rays(camera, np.array(truth["xy"]), SIZE[0] / SIZE[1])
+    material = session.scene.triangles.material[session.tracer.intersect(rays.origin, rays.direction).triangle]
+    mine = np.flatnonzero(material == np.bincount(material).argmax())
+    of = lambda rows: [rows[i] for i in mine]  # noqa: E731
+    colors = {"exact": of(truth["colors"]["exact"])}  # what the others paint follows from these
+    return truth | {"xy": of(truth["xy"]), "colors": colors, "colors_before": of(truth["colors_before"])}
+
+
+def keep_answer(folder: Path, outcome: Outcome, answer: Any, truth: dict[str, Any]) -> None:
     """Keeps an answer's tables with its outcome, so that what is fitted last can be repeated without the stage."""
     folder.mkdir(parents=True, exist_ok=True)
-    kept = {"outcome": outcome, "tables": answer.tables, "chosen": answer.chosen, "varies": answer.varying is not None}
+    kept = {"outcome": outcome, "tables": answer.tables, "chosen": answer.chosen, "truth": truth}
+    kept["varies"] = answer.varying is not None
     (folder / f"{outcome.case}.{outcome.way}.pkl").write_bytes(pickle.dumps(kept))
 
 
@@ -135,7 +154,7 @@ def judge(
 ) -> Outcome:
     """Compares a stroke's report with the truth."""
     key, expected = REPORT_KEY[case.parameter], "none" if way == BEFORE else case.parameter
-    true = np.atleast_1d(truth["before" if way == BEFORE else "after"][key]).astype(float)
+    true = true_value(case, truth, "before" if way == BEFORE else "after", np.atleast_1d(report["before"][key]))
     found = np.atleast_1d(report["after"][key]).astype(float)
     is_material = is_same_material(case, truth["material"], report["material"])
     is_right = report["inferred"] == expected and is_material
@@ -157,6 +176,24 @@ def judge(
         "" if is_material else f"material {report['material']}",
         probability=next((a["probability"] for a in report["alternatives"] if a["id"] == report["inferred"]), 0.0),
     )
+
+
+def true_value(
+    case: Case | TexturedCase, truth: dict[str, Any], when: str, before: np.ndarray
+) -> np.ndarray:  # fmt: skip
+    """Returns the true value of the changed parameter at the dabs that an answer reads.
+
+    What is saved is the mean over all dabs of the truth.  Six of them, or those on one of several copies, lie on other
+    texels; where a texture was changed by a factor that is known, the truth there is what was there times it.
+
+    Args:
+        before: mean over the answer's own dabs.
+    """
+    key = REPORT_KEY[case.parameter]
+    was, true = (np.atleast_1d(truth[k][key]).astype(float) for k in ("before", when))
+    is_factor = isinstance(case, TexturedCase) and all(c.is_factor for c in case.changes)
+    is_factor |= isinstance(case, Case) and bool(case.texture) and case.parameter == "diffuse"
+    return true * np.asarray(before, float) / np.maximum(was, 1e-9) if is_factor else true
 
 
 def with_interval(o: Outcome, ends: Any, ideal: np.ndarray) -> Outcome:
