@@ -30,7 +30,7 @@ from usdslf.inference.asked import asked_of
 from usdslf.inference.changes import with_varying
 from usdslf.light_field.surface import Surface
 from usdslf.progress import step, tell, tell_during
-from usdslf.provenance import program_version, words_of_phong, words_of_solve
+from usdslf.provenance import program_version, said_of_solve, words_of_phong, words_of_solve
 from usdslf.render.live.picture import LivePicture
 from usdslf.render.picture import LitScene, PictureOptions, render_bands
 from usdslf.scene.records import Camera, Scene
@@ -238,6 +238,7 @@ class _Target:
             "workingSpace": shot.scene.working_space,
             "device": shot.device.name,
             "solve": words_of_solve(shot, solution),
+            **({} if solution.stylized else {"settings": said_of_solve(shot, solution.settings, self.mode)}),
             **({"frame": shot.scene.frame} if np.isfinite(shot.scene.frame) else {}),
             **({"missing": [m.sentence for m in shot.scene.missing]} if shot.scene.missing else {}),
         }

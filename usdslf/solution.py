@@ -83,7 +83,7 @@ class Solution:
         as_preview: residuals of answers by phong, as UsdPreviewSurface shows them.
         left_out: of the light that surfaces send to direct strokes, what each round left out, 0..1; below
             `UNSEEN` unless the bounces were too few.
-        how: what of the settings is not as usual, in words.
+        settings: what it was found with.
         warnings: sentences.
         seconds: by step.
     """
@@ -94,7 +94,7 @@ class Solution:
     painted: tuple[Painted, ...] = field(default=(), repr=False)
     as_preview: Mapping[Pool, float] = field(default_factory=dict)
     left_out: tuple[float, ...] = ()
-    how: str = ""
+    settings: Settings = field(default_factory=Settings)
     warnings: tuple[str, ...] = ()
     seconds: Mapping[str, float] = field(default_factory=dict)
 
@@ -244,7 +244,7 @@ def find_solution(shot: Shot, strokes: Sequence[Stroke], settings: Settings | No
                 said.append(sentence)
     return Solution(
         tuple(active), found.answers, None, tuple(painted), MappingProxyType(found.as_preview), found.left_out,
-        s.in_words(), tuple(said), MappingProxyType(seconds),
+        s, tuple(said), MappingProxyType(seconds),
     )  # fmt: skip
 
 

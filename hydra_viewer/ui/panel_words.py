@@ -140,7 +140,10 @@ def changes_too(names: Sequence[str]) -> str:
 
 def provenance(values: Mapping[str, object]) -> str:
     """Returns where a look comes from, a line each."""
-    return "\n".join(f"{name}: {value}" for name, value in values.items() if value not in ("", None))
+    rows = {name: value for name, value in values.items() if value not in ("", None)}
+    parts = {name: value.items() for name, value in rows.items() if isinstance(value, Mapping)}
+    said = {name: ", ".join(f"{k} {v}" for k, v in of) for name, of in parts.items()}
+    return "\n".join(f"{name}: {said.get(name, value)}" for name, value in rows.items())
 
 
 def summary(counts: Mapping[str, int]) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -100,6 +101,16 @@ def stroke(colors: np.ndarray, **more: object) -> Stroke:
         "stroke_0001", twice(p), np.full(2 * n, 0.06, np.float32), twice(colors), np.tile(np.float32(EYE), (2 * n, 1)),
         curve_counts=(2,) * n, **more,
     )  # fmt: skip
+
+
+def part(name: str, rows: np.ndarray, color: tuple[float, float, float]) -> Stroke:
+    """A stroke on some of the places, every second of them, that asks for a diffuse colour."""
+    rows = np.flatnonzero(rows)[::2]
+    colors = np.zeros((len(places()), 3))
+    colors[rows] = seen(places()[rows], color)
+    whole, twice = stroke(colors), np.stack([2 * rows, 2 * rows + 1], 1).ravel()
+    kept = {field: getattr(whole, field)[twice] for field in ("points", "widths", "colors", "eye")}
+    return replace(whole, name=name, prim=f"/SlfStrokes/{name}", curve_counts=(2,) * len(rows), **kept)
 
 
 def surface_at(scene: Scene, points: NDArray) -> SurfacePoints:

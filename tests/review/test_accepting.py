@@ -4,20 +4,18 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from kit.stage_parts import StageBuilder, rectangle
-from kit.varying_floor import GREY, add_lamp, places, seen, stroke
+from kit.varying_floor import GREY, add_lamp, part, places
 from pxr import Sdf, Usd
 
 import usdslf
 from usdslf.contents import file_hash
 from usdslf.errors import InputError
 from usdslf.review.accepting import accept
-from usdslf.strokes.stroke import Stroke
 from usdslf.usd.review.accept import Wish
 from usdslf.usd.review.review import review_look
 from usdslf.usd.review.toggle import toggle
@@ -26,16 +24,6 @@ Run = Callable[..., tuple[int, str, str]]
 RED, BLUE, GREEN = (0.6, 0.2, 0.1), (0.1, 0.2, 0.6), (0.15, 0.5, 0.15)
 FLOOR, PATCH = "/World/mtl/floor", "/World/mtl/patch"
 QUALITY = {"elements": 300}
-
-
-def part(name: str, rows: np.ndarray, color: tuple[float, float, float]) -> Stroke:
-    """Dabs of the floor that ask for a diffuse colour, by quadrature over the lamp."""
-    rows = np.flatnonzero(rows)[::2]
-    colors = np.zeros((len(places()), 3))
-    colors[rows] = seen(places()[rows], color)
-    whole, twice = stroke(colors), np.stack([2 * rows, 2 * rows + 1], 1).ravel()
-    kept = {field: getattr(whole, field)[twice] for field in ("points", "widths", "colors", "eye")}
-    return replace(whole, name=name, prim=f"/SlfStrokes/{name}", curve_counts=(2,) * len(rows), **kept)
 
 
 @pytest.fixture(scope="module")
@@ -97,6 +85,26 @@ def test_the_others_say_what_they_would_have_said_alone(looked: Path, run: Run) 
     found = review_look(looked / "stage.usda", looked / "red.usda", None)
     assert {m.shown_at: m.inferred for m in found.materials} == {FLOOR: "diffuse", PATCH: "specular"}
     assert {name: (looked / name).read_bytes() for name in files} == files
+
+
+def test_it_is_solved_as_the_look_was(looked: Path) -> None:
+    """Norm, mode and the light's quality are those of then, also without being told; what is chosen stays chosen."""
+    session = usdslf.open(str(looked / "stage.usda"), **QUALITY)
+    for each in usdslf.read_strokes(looked / "strokes.usda"):
+        session.add_stroke(each)
+    session.solve("l2", {"red": "diffuse"})
+    session.author(looked / "new.usda", strokes_path=looked / "strokes.usda", mode="new")
+    was = {m.inferred for m in review_look(looked / "stage.usda", looked / "new.usda", None).materials}
+    assert was == {"diffuse", "diffuse+specular+glossiness"}  # of the floor, of the patch
+    done = accept(looked / "stage.usda", looked / "new.usda", looked / "again.usda", Wish(but=("blue",)))
+    assert not any("how it was solved" in w for w in done.warnings)
+    found = review_look(looked / "stage.usda", looked / "again.usda", None)
+    assert {m.inferred for m in found.materials} == was
+    assert {e.representation for e in found.edits} >= {"binding"}  # materials of their own
+    data = Sdf.Layer.FindOrOpen(str(looked / "again.usda")).customLayerData["usdslf"]
+    assert {k: data["settings"][k] for k in ("norm", "mode", "elements")} == {
+        "norm": "l2", "mode": "new", "elements": QUALITY["elements"],
+    }  # fmt: skip
 
 
 def test_only_one_of_them_is_accepted(looked: Path) -> None:

@@ -7,6 +7,7 @@ from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
 import click
+from click.core import ParameterSource
 
 import usdslf
 from usdslf.cli.program import Settings, gathered
@@ -51,6 +52,12 @@ class Lighting(Reading):
     make_preview: bool
     model: str
     memory: float | None  # of the light field on the device, at most [GiB]
+
+
+def given(shot: Reading) -> dict[str, Any]:
+    """Returns those of the options that were given on this command line, which are not what they are by default."""
+    asked = click.get_current_context().get_parameter_source
+    return {name: value for name, value in asdict(shot).items() if asked(name) is not ParameterSource.DEFAULT}
 
 
 def reading_options(command: Any) -> Any:

@@ -4,8 +4,9 @@
 
 What several strokes ask of a material is one answer: no part of the layer is one stroke's alone.  To reject one of them
 is to ask what the others say without it.  So all strokes are solved again without those, in the shot's light, and the
-wish is carried out on what comes of that.  Explanations of all other strokes stay those that were reviewed, their
-values follow the light; what was added by hand, silenced or held as an alternative stays too.
+wish is carried out on what comes of that.  It is solved as the look says that it was (usdslf/provenance.py): norm,
+weights, mode and the light's quality are those of then.  Explanations of all other strokes stay those that were
+reviewed, their values follow the light; what was added by hand, silenced or held as an alternative stays too.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from typing import Any
 from usdslf.errors import InputError
 from usdslf.look import author
 from usdslf.progress import step
+from usdslf.provenance import solved_with
 from usdslf.shot import Shot
 from usdslf.solution import Settings, Solution, find_solution
 from usdslf.strokes.stroke import Stroke, frame_of
@@ -40,7 +42,7 @@ def accept(
         shot: with or without the look.
         out: another file than the look.
         wish: None: all is accepted.
-        options: of `Shot.open`, for a solve; `frame` None: as the look was solved.
+        options: of `Shot.open`, for a solve, in place of those that the look was solved with; `frame` None: as it was.
 
     Returns: as of `accept_look`; a warning names what was solved again.
 
@@ -54,14 +56,16 @@ def accept(
     kept, strokes = kept_of(look), _left(look, without)
     said = [f"solved again without {x.in_words()}: review {os.fspath(out)}" for x in shared]
     _, below = over_its_shot(shot, look)
-    asked = dict(options or {})
+    how = solved_with(kept.settings, [s.name for s in strokes])
+    said += how.warnings
+    asked = {**how.quality, **(options or {})}
     frame = asked.pop("frame", None)
     here = Shot.open(below, frame_of(strokes, kept.frame if frame is None else frame, said), **asked)
-    solution = _solved(here, strokes, kept)
+    solution = _solved(here, strokes, kept, how.settings, said)
     with tempfile.TemporaryDirectory(prefix="usdslf_accept_") as folder:
         solved = Path(folder, Path(look).name)
         copy_look(look, solved)
-        authored = author(here, solution, solved, kept.strokes, alternatives=kept.alternatives)
+        authored = author(here, solution, solved, kept.strokes, None, how.mode, kept.alternatives)
         there = {f"{e.prim}.{e.attribute}" for e in authored.edits}
         if silent := [name for name in kept.silent if name in there]:
             toggle(solved, silent, on=False)
@@ -82,14 +86,20 @@ def _left(look: PathLike, without: Sequence[str]) -> list[Stroke]:
     return [s for s in strokes if s.path not in without]
 
 
-def _solved(shot: Shot, strokes: Sequence[Stroke], kept: Kept) -> Solution:
-    """Solves strokes; those that nobody left keep the explanation that was reviewed."""
+def _solved(shot: Shot, strokes: Sequence[Stroke], kept: Kept, settings: Settings, said: list[str]) -> Solution:
+    """Solves strokes; those that nobody left keep the explanation that was reviewed, others what was once chosen."""
     with step("solve"):
-        found = find_solution(shot, strokes)
+        found = find_solution(shot, strokes, replace(settings, choose={}))
     other: dict[str, str] = {}
     for answer in found.answers:
         mine = [found.strokes[i] for i in answer.pool.strokes]
-        reviewed = kept.inferred.get(frozenset(s.path for s in mine), "")
-        if reviewed not in ("", answer.chosen.id) and reviewed in {c.id for c in answer.candidates}:
-            other |= dict.fromkeys((s.name for s in mine), reviewed)
-    return find_solution(shot, strokes, Settings(choose=other)) if other else found
+        chosen = next((settings.choose[s.name] for s in mine if s.name in settings.choose), "")
+        wanted = kept.inferred.get(frozenset(s.path for s in mine), chosen)
+        if wanted in ("", answer.chosen.id):
+            continue
+        if wanted in {c.id for c in answer.candidates}:
+            other |= dict.fromkeys((s.name for s in mine), wanted)
+        else:
+            names = ", ".join(s.path for s in mine)
+            said.append(f"{names}: {wanted}, as it was, explains nothing any more: {answer.chosen.id} is taken")
+    return find_solution(shot, strokes, replace(settings, choose=other)) if other else found

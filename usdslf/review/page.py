@@ -61,7 +61,7 @@ def page_of(review: Review, than: str = "") -> str:
 
 def shown(value: object) -> str:
     """Returns text in which control, formatting and direction marks are written as \\uXXXX."""
-    text = in_words(value) if isinstance(value, float | list | tuple) else str(value)
+    text = in_words(value) if isinstance(value, float | list | tuple | dict) else str(value)
     return "".join(f"\\u{ord(c):04x}" if unicodedata.category(c) in _HIDDEN else c for c in text)
 
 

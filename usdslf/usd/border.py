@@ -107,6 +107,8 @@ def plain(value: Any) -> Any:
 
 def in_words(value: Any) -> str:
     """Returns a value that `plain` gives as people read it: numbers to three digits, rows in brackets, - for none."""
+    if isinstance(value, Mapping):
+        return ", ".join(f"{k} {in_words(v)}" for k, v in value.items())
     if isinstance(value, list | tuple):
         return "(" + ", ".join(in_words(v) for v in value) + ")"
     if value is None:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 
 import click
 
 from usdslf.cli.parameters import Choose
 from usdslf.cli.program import Command, Settings, Several, gathered, print_json, settings
-from usdslf.cli.shot_options import Lighting, lighting_options
+from usdslf.cli.shot_options import Lighting, given, lighting_options
 from usdslf.cli.terminal import progress, warn
 
 
@@ -39,7 +39,8 @@ def accept(
 ) -> None:
     """Write what is accepted of a look; a NAME is a stroke, a material, one of its inputs, or a gprim.
 
-    Of several strokes that were answered together the others are solved again without those that are not accepted.
+    Of several strokes that were answered together the others are solved again without those that are not accepted, with
+    the options that the look was solved with, but for those that are given here.
     """
     from usdslf.progress import hearing
     from usdslf.review.accepting import accept as accept_some
@@ -50,7 +51,7 @@ def accept(
     if choice.verdict:
         said = read_verdict(choice.verdict, look).wish()
         wish = replace(wish, said=said.said, by=said.by, verdict=said.verdict)
-    options = {"device": settings.device, "ocio": settings.ocio, **asdict(shot)}
+    options = {"device": settings.device, "ocio": settings.ocio, **given(shot)}
     with progress(settings.quiet) as say, hearing(lambda p: say(p.step, p.share)):
         done = accept_some(stage, look, output, wish, options)
     warn(done.warnings, settings.quiet)

@@ -10,11 +10,12 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from pxr import Sdf
 
 from usdslf.usd.author.variants import AS_IT_WAS, variants_in
-from usdslf.usd.border import quiet_usd
+from usdslf.usd.border import plain, quiet_usd
 from usdslf.usd.files import write_layer
 from usdslf.usd.layer.hand_edits import specs_of
 from usdslf.usd.layer.moved_look import carry_textures, move_paths
@@ -34,6 +35,7 @@ class Kept:
         alternatives: explanations that travel as variants beside the first.
         frame: time code that it was solved at; None: none was asked for.
         strokes: file of the stroke layer; "": the look names none.
+        settings: how it says that it was solved, as usdslf/provenance.py writes it.
     """
 
     inferred: Mapping[frozenset[str], str]
@@ -41,6 +43,7 @@ class Kept:
     alternatives: int
     frame: float | None
     strokes: str
+    settings: Mapping[str, Any]
 
 
 def kept_of(look: str | os.PathLike[str]) -> Kept:
@@ -54,11 +57,12 @@ def kept_of(look: str | os.PathLike[str]) -> Kept:
     silent = (str(p.path.StripAllVariantSelections()) for p in Parts.of(layer).parts if p.is_silent)
     rivals = [len(set(names) - {AS_IT_WAS}) - 1 for names in variants_in(layer).values()]
     data = our_data(layer.customLayerData)
-    frame, named = data.get("frame"), str(data.get("strokes", ""))
+    frame, named, settings = data.get("frame"), str(data.get("strokes", "")), data.get("settings")
     return Kept(
         inferred, tuple(dict.fromkeys(silent)), max(rivals, default=0),
         float(frame) if isinstance(frame, int | float) else None,
         os.path.normpath(os.path.join(os.path.dirname(os.path.realpath(look)), named)) if named else "",
+        plain(settings) if isinstance(settings, Mapping) else {},
     )  # fmt: skip
 
 

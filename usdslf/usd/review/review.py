@@ -41,7 +41,7 @@ from usdslf.usd.stroke_layer import read_strokes
 
 LONG = 4  # values of an array that are shown; of more, their number
 _SAME = 1e-4  # share by which a number may differ from its base
-_KEPT = ("version", "workingSpace", "ocioConfig", "device", "solve", "frame", "shot", "shotHash", "strokes",
+_KEPT = ("version", "workingSpace", "ocioConfig", "device", "solve", "settings", "frame", "shot", "shotHash", "strokes",
          "strokesHash", "accepted")  # fmt: skip
 
 
