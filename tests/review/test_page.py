@@ -172,6 +172,25 @@ def test_a_pixel_leads_to_its_material_and_strokes(page: Page, reviewed: Review)
     assert "/World/mtl/floor" in page.run("document.querySelector('.card.is-picked').innerText")
 
 
+def test_an_input_follows_its_material_until_it_is_judged(page: Page) -> None:
+    script = """(() => {
+      const rows = [...document.querySelectorAll('#changes [data-target]')];
+      const [whole, part] = [rows.find((n) => !n.dataset.target.includes('.')), rows.find((n) => n.dataset.target.includes('.'))];
+      const says = () => ['accept', 'reject'].map((name) => {
+        const button = part.querySelector('.' + name);
+        return button.getAttribute('aria-pressed') === 'true' ? 'own' : button.classList.contains('follows') ? 'follows' : '';
+      });
+      const seen = [says()];
+      for (const [row, name] of [[whole, 'reject'], [part, 'accept'], [part, 'accept'], [whole, 'reject']]) {
+        row.querySelector('.' + name).click();
+        seen.push(says());
+      }
+      return seen;
+    })()"""  # noqa: E501
+    assert page.run(script) == [["", ""], ["", "follows"], ["own", ""], ["", "follows"], ["", ""]]
+    assert page.run("document.querySelector('#changes tr.of').innerText").count("from ") == 1  # the strokes
+
+
 # ---- verdict ----------------------------------------------------------------------------------------
 def test_a_verdict_is_saved_and_executed(page: Page, reviewed: Review, folder: Path) -> None:
     page.run("""(() => {

@@ -55,12 +55,15 @@ function judge(target, change) {
   else verdicts.delete(target);
   keep();
   for (const node of document.querySelectorAll("[data-target]")) {
-    if (node.dataset.target !== target) continue;
+    const of = node.dataset.target;
+    if (of !== target && !of.startsWith(target + ".")) continue;
+    const own = (verdicts.get(of) || {}).verdict, material = (verdicts.get(of.split(".")[0]) || {}).verdict;
     for (const button of node.querySelectorAll("button")) {
-      button.setAttribute("aria-pressed", String(button.dataset.verdict === said.verdict));
+      button.setAttribute("aria-pressed", String(button.dataset.verdict === own));
+      button.classList.toggle("follows", !own && button.dataset.verdict === material); // an input its material's
     }
     const note = node.querySelector("input");
-    if (note && note !== document.activeElement) note.value = said.note;
+    if (of === target && note && note !== document.activeElement) note.value = said.note;
   }
 }
 function judging(target, hasNote) {
@@ -88,7 +91,9 @@ function save() {
   const link = el("a", { href: URL.createObjectURL(blob), download: data.verdict_name });
   link.click();
   setTimeout(() => URL.revokeObjectURL(link.href), 1000);
-  $("saved").textContent = verdicts.size + (verdicts.size === 1 ? " verdict saved" : " verdicts saved");
+  const count = verdicts.size === 0 ? "all is accepted" : verdicts.size === 1 ? "1 verdict" : verdicts.size + " verdicts";
+  $("saved").replaceChildren("saved: " + count);
+  $("saved").title = "carry it out with: usdslf accept SHOT LOOK -o ACCEPTED --verdict " + data.verdict_name;
 }
 
 // ---- pictures -------------------------------------------------------------------------------------
@@ -259,6 +264,13 @@ function setView(index) {
 }
 
 // ---- tables ---------------------------------------------------------------------------------------
+function from(material) { // the strokes that caused a change
+  const strokes = material ? material.strokes : [], node = el("div", { class: "dim" });
+  node.append(strokes.length ? "from " : "from no stroke");
+  strokes.slice(0, 6).forEach((s, i) => node.append(i ? ", " : "", path(s.split("/").pop())));
+  if (strokes.length > 6) node.append(` and ${strokes.length - 6} more`);
+  return node;
+}
 const PARAMETERS = ["diffuse", "specular", "roughness"];
 function cards() {
   data.materials.forEach((m, index) => {
@@ -268,14 +280,11 @@ function cards() {
       dl.append(el("dt", {}, name), el("dd", {}, ...valued(m.before[name], (m.colors.before || {})[name])),
         el("dd", { class: "dim" }, "→"), el("dd", {}, ...valued(m.after[name], (m.colors.after || {})[name])), el("span"));
     }
-    const from = el("div", { class: "dim" }, m.strokes.length ? "from " : "from no stroke");
-    m.strokes.slice(0, 6).forEach((s, i) => from.append(i ? ", " : "", path(s.split("/").pop())));
-    if (m.strokes.length > 6) from.append(` and ${m.strokes.length - 6} more`);
     const residual = m.residual_after === undefined ? "" :
       el("div", { class: "dim" }, "residual ", el("span", { class: "num" }, `${number(m.residual_before)} → ${number(m.residual_after)}`));
     $("cards").append(el("div", { class: "card", "data-index": index, onclick: () => pick(index) },
       el("div", { class: "name" }, text(m.shown_at.split("/").pop()), el("span", { class: "dim" }, "  " + m.inferred)),
-      el("div", { class: "dim path" }, text(m.shown_at)), dl, from, residual, judging(m.shown_at, true)));
+      el("div", { class: "dim path" }, text(m.shown_at)), dl, from(m), residual, judging(m.shown_at, true)));
   });
   if (!data.materials.length) $("cards").append(el("div", { class: "card dim" }, "The look changes nothing."));
 }
@@ -288,9 +297,9 @@ function meanOf(material, row, end) { // where a number does not say what is see
 function changes() {
   const body = $("changes").tBodies[0];
   for (const group of data.changes) {
-    body.append(el("tr", { class: "of" }, el("td", { colspan: 5, class: "path" }, text(group.material)),
-      el("td", {}, judging(group.material, false))));
     const material = data.materials.find((m) => m.shown_at === group.material);
+    body.append(el("tr", { class: "of" }, el("td", { colspan: 5, class: "path" }, text(group.material), from(material)),
+      el("td", {}, judging(group.material, false))));
     for (const row of group.inputs) {
       const shows = row.off ? "off" : row.wins ? "yes" : "hidden by " + row.hidden_by;
       body.append(el("tr", { class: row.off ? "is-off" : "" },
@@ -371,7 +380,7 @@ async function strip() {
   data.views.forEach((v, index) => {
     if (v.kind === "turntable" && index !== turns[0]) return;
     const canvas = el("canvas", { width: 276, height: Math.round(276 * v.size[1] / v.size[0]) });
-    const name = { stroke: "painted from", "held out": "held out", light: "held out", camera: "camera", turntable: "turntable" }[v.kind];
+    const name = { stroke: "painted from", "held out": "held out", light: "other light", camera: "camera", turntable: "turntable" }[v.kind];
     $("strip").append(el("button", { "data-view": index, "data-kind": v.kind, "aria-pressed": "false", title: shown(v.light || v.name),
       onclick: () => setView(index) }, canvas, el("small", {}, name + ": ", text(v.light || v.name.split("/").pop()))));
     load(v.after).then((entry) => canvas.getContext("2d").drawImage(entry.image, 0, 0, canvas.width, canvas.height));
