@@ -44,7 +44,7 @@ def instance_root(folder: Path) -> str:
     return "/World/one"
 
 
-def nested_instance(folder: Path) -> str:
+def nested_instance(folder: Path, binds: bool = True) -> str:
     write_shot(folder)
     outer = Usd.Stage.CreateNew(str(folder / "outer.usda"))
     outer.SetDefaultPrim(UsdGeom.Xform.Define(outer, "/Outer").GetPrim())
@@ -58,6 +58,8 @@ def nested_instance(folder: Path) -> str:
     prim.SetInstanceable(True)
     stage.GetRootLayer().Save()
     edit(stage, folder, "/World/outer/inner/body")
+    if not binds:
+        return "/World/outer/inner"
     look = Sdf.Layer.FindOrOpen(str(folder / "look.usda"))  # a person binds the instance within the instance
     home = next(r.path for r in look.rootPrims if r.name.startswith("_slf_World_outer"))
     at = Sdf.CreatePrimInLayer(look, home if home.name.endswith("inner") else home.AppendChild("inner"))
@@ -69,7 +71,7 @@ def nested_instance(folder: Path) -> str:
     return "/World/outer/inner"
 
 
-def collection(folder: Path) -> str:
+def collection(folder: Path, instanceable: bool = True) -> str:
     asset = Usd.Stage.CreateNew(str(folder / "asset.usda"))
     asset.SetDefaultPrim(UsdGeom.Xform.Define(asset, "/Asset").GetPrim())
     UsdGeom.Scope.Define(asset, "/Asset/mtl")
@@ -83,7 +85,7 @@ def collection(folder: Path) -> str:
     stage = new_stage(folder / "shot.usda")
     prim = UsdGeom.Xform.Define(stage, "/World/one").GetPrim()
     prim.GetReferences().AddReference("./asset.usda")
-    prim.SetInstanceable(True)
+    prim.SetInstanceable(instanceable)
     stage.GetRootLayer().Save()
     edit(stage, folder, "/World/one/body")
     return "/World/one/body"
@@ -116,30 +118,34 @@ def no_api(folder: Path) -> str:
     return "/World/row"
 
 
-def other_context(folder: Path) -> str:
+def other_context(folder: Path, connected: bool = True) -> str:
     def with_mtlx(stage: Usd.Stage) -> None:
         shader = UsdShade.Shader.Define(stage, "/World/mtl/grey/standard")
         output = shader.CreateOutput("out", NAMES.Token)
-        UsdShade.Material(stage.GetPrimAtPath("/World/mtl/grey")).CreateSurfaceOutput("mtlx").ConnectToSource(output)
+        surface = UsdShade.Material(stage.GetPrimAtPath("/World/mtl/grey")).CreateSurfaceOutput("mtlx")
+        if connected:
+            surface.ConnectToSource(output)
 
     edit(row_of(folder, with_mtlx), folder)
     return "/World/mtl/grey"
 
 
-def full_purpose(folder: Path) -> str:
+def full_purpose(folder: Path, alone: bool = True) -> str:
     def for_full(stage: Usd.Stage) -> None:
         api = UsdShade.MaterialBindingAPI(stage.GetPrimAtPath("/World/row"))
-        api.UnbindAllBindings()
+        if alone:
+            api.UnbindAllBindings()
         api.Bind(UsdShade.Material(stage.GetPrimAtPath("/World/mtl/grey")), materialPurpose=UsdShade.Tokens.full)
 
     edit(row_of(folder, for_full), folder)
     return "/World/row"
 
 
-def drifted(folder: Path) -> str:
+def drifted(folder: Path, name: str = "diffuseColor") -> str:
     stage = new_shot(folder)
     edit(stage, folder)
-    stage.GetAttributeAtPath("/World/mtl/grey/pbr.inputs:diffuseColor").Set(Gf.Vec3f(0.3, 0.3, 0.3))
+    value = Gf.Vec3f(0.3, 0.3, 0.3) if name == "diffuseColor" else 0.3
+    stage.GetAttributeAtPath(f"/World/mtl/grey/pbr.inputs:{name}").Set(value)
     stage.GetRootLayer().Save()
     return "/World/mtl/grey/pbr"
 
@@ -168,15 +174,25 @@ def test_no_rule_on_a_stage_without_any_of_that(tmp_path: Path) -> None:
     assert set(SOURCES) == set(TRIGGERS) and all("." in s and "/" in s for s in SOURCES.values())
 
 
-def test_near_misses(tmp_path: Path) -> None:
-    """An instance that is edited by its class, a texture that repeats: both survive."""
-    for name in ("class", "repeat", "clamp"):
-        (folder := tmp_path / name).mkdir()
-        if name == "class":
-            edit(write_shot(folder), folder, "/World/one/body")
-        else:
-            wrap_mode(folder, name)
-        assert rules(folder) == {}, name
+NEARLY: dict[str, Callable[[Path], object]] = {
+    "InstanceRootBinding": lambda folder: edit(write_shot(folder), folder, "/World/one/body"),  # by its class
+    "NestedInstanceBinding": lambda folder: nested_instance(folder, binds=False),
+    "CollectionInInstance": lambda folder: collection(folder, instanceable=False),
+    "WrapMode": lambda folder: wrap_mode(folder, "repeat"),
+    "WrapMode, clamp": lambda folder: wrap_mode(folder, "clamp"),
+    "NoBindingAPI": lambda folder: edit(new_shot(folder), folder),
+    "OtherContext": lambda folder: other_context(folder, connected=False),
+    "FullPurpose": lambda folder: full_purpose(folder, alone=False),
+    "DriftedBase": lambda folder: drifted(folder, "roughness"),  # which the look does not say
+}
+
+
+@pytest.mark.parametrize("rule", list(NEARLY))
+def test_near_misses(tmp_path: Path, rule: str) -> None:
+    """Each as like the stage that triggers the rule as can be, and all of it survives."""
+    NEARLY[rule](tmp_path)
+    assert rules(tmp_path) == {}
+    assert {r.split(",")[0] for r in NEARLY} == set(TRIGGERS)
 
 
 def test_a_scale_over_a_texture_that_was_painted_anew(tmp_path: Path) -> None:
