@@ -6,6 +6,7 @@ import json
 import os
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -14,10 +15,12 @@ from kit.batch_shots import break_shot, bytes_below, write_manifest, write_shot
 from kit.stage_textures import write_image
 from pxr import Sdf, Usd, UsdGeom, UsdShade
 
-from usdslf.batch import plan, run_job
+from usdslf.batch import plan, run_job, task
 from usdslf.batch.openjd import write_template
 from usdslf.errors import InputError
 from usdslf.usd.files_read import files_read
+
+Run = Callable[..., tuple[int, str, str]]
 
 
 def openjd(*arguments: object) -> subprocess.CompletedProcess[str]:
@@ -39,6 +42,22 @@ def test_openjd_takes_the_template_and_runs_it(tmp_path: Path) -> None:
     assert json.loads((tmp_path / "out/summary.json").read_text())["counts"] == {"done": 1, "failed": 1, "new": 0}
     run_job(plan(manifest, tmp_path / "here").job("one"))
     assert bytes_below(tmp_path / "out/one") == bytes_below(tmp_path / "here/one")
+
+
+@pytest.mark.parametrize(("script", "code"), [("kill -9 $$", 0), ("exit 2", 2)])
+def test_a_task_whose_process_is_killed_keeps_its_sentence(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, script: str, code: int, run: Run
+) -> None:
+    """It ends well, so that others go on; the last step fails.  What the program itself says is wrong fails at once."""
+    write_shot(tmp_path / "shots/one")
+    manifest, python = write_manifest(tmp_path), tmp_path / "python"
+    python.write_text(f"#!/bin/sh\n{script}\n")
+    python.chmod(0o700)
+    monkeypatch.setattr(sys, "executable", str(python))
+    assert task.main([str(manifest), str(tmp_path / "out"), "one"]) == code
+    exit_code, said, _ = run("batch", manifest, "--collect")
+    killed = "one: failed: the process of its task was ended by SIGKILL"
+    assert exit_code == 1 and (killed if code == 0 else "1 not run") in said
 
 
 def test_all_files_that_the_jobs_read_are_inputs(tmp_path: Path) -> None:

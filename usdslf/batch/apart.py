@@ -162,7 +162,12 @@ def _of_crash(code: int, talk: IO[str], watched: _Watched) -> str:
     said = [line.strip() for line in talk.read().splitlines() if line.strip()]
     last = f": {said[-1][:MOST_SAID]}" if said else ""
     if code < 0:
-        name = signal.Signals(-code).name if -code in set(signal.Signals) else f"signal {-code}"
-        hint = ", as the system does where memory runs out" if code == -signal.SIGKILL else last
-        return f"its process was ended by {name}{hint} (it had {watched.most_memory / 2**30:.2g} GiB)"
+        of = signal_in_words(-code) + ("" if code == -signal.SIGKILL else last)
+        return f"its process was ended by {of} (it had {watched.most_memory / 2**30:.2g} GiB)"
     return f"its process ended with exit code {code}{last}"
+
+
+def signal_in_words(number: int) -> str:
+    """Returns the name of a signal that ended a process, and who may have sent it."""
+    name = signal.Signals(number).name if number in set(signal.Signals) else f"signal {number}"
+    return f"{name}, as the system does where memory runs out" if number == signal.SIGKILL else name

@@ -3,7 +3,8 @@
     write_template(plan, path) -> sentence
 
 Each job is a task, each layer of what needs what a step, and a last step collects.  All files that the jobs read are
-listed as the job's inputs.  A task whose job fails ends well, so that others go on; the last step fails then.
+listed as the job's inputs.  A task whose job fails, or whose process is killed, ends well, so that others go on
+(task.py); the last step fails then.
 Source: https://github.com/OpenJobDescription/openjd-specifications, 2023-09; lists of paths are its extension EXPR.
 """
 
@@ -27,6 +28,8 @@ from usdslf.replacing import check_place, replacing
 MOST_TASKS = 1024  # of a step, as the specification says
 SPARE = 60  # seconds for a task beside those of its job
 MOST_NAME = 128
+TASK = ("-m", "usdslf.batch.task", "{{Param.Manifest}}", "{{Param.Output}}")  # of a job, whose name follows
+COLLECT = ("-m", "usdslf", "batch", "{{Param.Manifest}}", "-o", "{{Param.Output}}", "--collect")
 
 
 def write_template(found: Plan, path: str | os.PathLike[str]) -> str:
@@ -92,16 +95,15 @@ def _steps(found: Plan) -> Iterator[dict[str, Any]]:
         names = []
         for part, first in enumerate(range(0, len(jobs), MOST_TASKS)):
             names.append(f"Jobs{number + 1}" + (f"_{part + 1}" if len(jobs) > MOST_TASKS else ""))
-            yield _step(names[-1], before, ["--job", "{{Task.Param.Job}}"], found, jobs[first : first + MOST_TASKS])
+            yield _step(names[-1], before, [*TASK, "{{Task.Param.Job}}"], found, jobs[first : first + MOST_TASKS])
         before = names
-    yield _step("Collect", before, ["--collect"], found, [])
+    yield _step("Collect", before, COLLECT, found, [])
 
 
 def _step(
     name: str, after: Sequence[str], arguments: Sequence[str], found: Plan, jobs: Sequence[Job]
 ) -> dict[str, Any]:
-    args = ["-m", "usdslf", "batch", "{{Param.Manifest}}", "-o", "{{Param.Output}}", *arguments]
-    run: dict[str, Any] = {"command": "{{Param.Python}}", "args": args}
+    run: dict[str, Any] = {"command": "{{Param.Python}}", "args": list(arguments)}
     step: dict[str, Any] = {"name": name}
     if after:
         step["dependencies"] = [{"dependsOn": other} for other in after]

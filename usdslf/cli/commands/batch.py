@@ -42,7 +42,7 @@ class Way:
 @click.option("--prefer-robust", is_flag=True, help="At a near tie take what holds in the lights of `elsewhere` too.")
 @click.option("--dry-run", is_flag=True, help="Say what would be run, and why; run nothing.")
 @click.option("--job", metavar="NAME", help="Run one job, as a task of a farm; what fails is kept for --collect.")
-@click.option("--collect", is_flag=True, help="Write the summary of what was run.")
+@click.option("--collect", is_flag=True, help="Write the summary of what was run; fails where a result is missing.")
 @click.option("--scheduler", metavar="ADDRESS", help="Run on a Dask distributed cluster, e.g. tcp://farm:8786.")
 @click.option("--ship", is_flag=True, help="With --scheduler: send files, where workers do not share the disk.")
 @click.option("--openjd", metavar="OUT.yaml", help="Write an Open Job Description template; run nothing.")
@@ -74,7 +74,7 @@ def batch(
         return
     summary = _collected(found) if way.collect else _run(found, way, settings)
     click.echo("\n".join(_lines(summary)))
-    if summary.failed:
+    if summary.failed or (way.collect and summary.count("new")):
         context.exit(1)
 
 
