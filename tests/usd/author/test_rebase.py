@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
 from kit.look_stages import author, change_of, new_shot
 from pxr import Sdf, Usd
 
 from usdslf.usd.author.rebase import Became, Rebase, earlier_look, rebased
 from usdslf.usd.layer.wins import AuthoredEdit
+from usdslf.usd.review.review import review_look
 
 GREY = "/World/mtl/grey/pbr"
 STROKE = "/SlfStrokes/stroke_0001"
@@ -73,6 +75,33 @@ def test_other_values_no_values_and_new_ones_are_named(tmp_path: Path) -> None:
     edits = [e for e in solve(tmp_path, 0.2) if e.attribute == "inputs:roughness"]
     found = rebased(earlier, Usd.Stage.Open(str(tmp_path / "shot.usda")), edits, (), (STROKE,))
     assert rows(found) == {(Became.UNNECESSARY, "diffuseColor")}
+
+
+@pytest.mark.parametrize("how", ["new", "alternatives"])
+def test_a_material_of_the_look_drifts_with_that_which_it_comes_from(tmp_path: Path, how: str) -> None:
+    """Also where it holds alternatives: those that are not selected are not asked for, and nothing became of them."""
+    new_shot(tmp_path)
+
+    def solve_it() -> list[AuthoredEdit]:
+        stage = Usd.Stage.Open(str(tmp_path / "shot.usda"))
+        rough = change_of(stage, "/World/row", "glossiness", roughness=0.2)
+        rival = change_of(stage, "/World/row", "diffuse", (0.1, 0.4, 0.2))
+        more = {"mode": "new"} if how == "new" else {"rivals": {0: [rival]}}
+        return author(stage, tmp_path, rough, **more)
+
+    def compared() -> Rebase:
+        earlier = earlier_look(tmp_path / "look.usda")
+        assert earlier
+        return rebased(earlier, Usd.Stage.Open(str(tmp_path / "shot.usda")), solve_it(), (), (STROKE,))
+
+    solve_it()
+    assert compared() == Rebase()
+    change_shot(tmp_path, 0.6)
+    found = review_look(tmp_path / "shot.usda", tmp_path / "look.usda", None)
+    assert {r.rule for r in found.risks} == {"DriftedBase"}
+    after = compared()
+    assert rows(after) == {(Became.DRIFTED, "roughness")} and round(after.edits[0].now, 6) == 0.6
+    assert not review_look(tmp_path / "shot.usda", tmp_path / "look.usda", None).risks
 
 
 def test_strokes_that_are_gone_or_moved_are_stale(tmp_path: Path) -> None:

@@ -21,7 +21,7 @@ from usdslf.replacing import is_file
 from usdslf.usd.border import in_words, plain, quiet_usd
 from usdslf.usd.layer.hand_edits import specs_of
 from usdslf.usd.layer.opinions import base_of, targets_of
-from usdslf.usd.layer.shown_paths import ShownPaths
+from usdslf.usd.layer.shown_paths import ShownPaths, is_chosen, shot_attribute
 from usdslf.usd.layer.wins import AuthoredEdit
 from usdslf.usd.look_data import is_look, our_data, texts
 
@@ -117,10 +117,12 @@ def rebased(
         new = {str(Sdf.Path(e.shown_at or f"{e.prim}.{e.attribute}")): e for e in edits}
         before: dict[str, Sdf.AttributeSpec] = {}
         for spec in specs_of(earlier):
-            if isinstance(spec, Sdf.AttributeSpec) and targets_of(spec) and base_of(spec) is not None:
+            is_ours = isinstance(spec, Sdf.AttributeSpec) and targets_of(spec) and base_of(spec) is not None
+            if is_ours and is_chosen(earlier, spec.path):
                 before[str(shown(spec.path))] = spec
         for at, spec in before.items():
-            if each := _compared(stage, at, spec, new.get(at)):
+            says = shot_attribute(stage, earlier, shown, spec.path)
+            if each := _compared(plain(says.Get()) if says else None, at, spec, new.get(at)):
                 found.append(each)
         for at, edit in new.items():
             if at not in before and edit.representation in ("constant", "scale") and before:
@@ -135,10 +137,9 @@ def rebased(
     return Rebase(tuple(found), stale | dict.fromkeys(gone, "it is gone, or switched off"))
 
 
-def _compared(
-    stage: Usd.Stage, at: str, spec: Sdf.AttributeSpec, new: AuthoredEdit | None
-) -> RebasedEdit | None:
-    base, now, was = base_of(spec), _value(stage, at), plain(spec.default)
+def _compared(now: Any, at: str, spec: Sdf.AttributeSpec, new: AuthoredEdit | None) -> RebasedEdit | None:
+    """What became of an opinion, where the shot says `now`; None where it is as it was."""
+    base, was = base_of(spec), plain(spec.default)
     asks = new.after if new else None
     became = None
     if now is not None and not _is_near(base, now):

@@ -3,6 +3,8 @@
     ShownPaths(stage, layer)(path) -> Sdf.Path      composed path of a spec's; .users: class -> what inherits it
                            .is_selected(path)       whether it is in no variant that is not selected
     is_there(stage, path) -> bool                   whether a stage has a prim, defined or abstract
+    shot_attribute(shot, layer, shown, path)        the shot's attribute that an opinion stands in for
+    is_chosen(layer, path) -> bool                  whether the layer itself selects the alternative that a path is in
 """
 
 from __future__ import annotations
@@ -59,3 +61,34 @@ def is_there(stage: Usd.Stage, path: Sdf.Path) -> bool:
     """Whether a stage has a prim at a path, defined or abstract."""
     prim = stage.GetPrimAtPath(path)
     return bool(prim) and (prim.IsDefined() or prim.IsAbstract())
+
+
+def shot_attribute(shot: Usd.Stage, layer: Sdf.Layer, shown: ShownPaths, path: Sdf.Path) -> Usd.Attribute:
+    """Returns the attribute of a shot that an opinion of a look stands in for; an invalid one where there is none.
+
+    Args:
+        shot: without the look.
+        layer: the look.
+        shown: its composed paths.
+        path: of the opinion in the layer; in a Material of the look it is that of the Material which that comes from.
+    """
+    path = path.StripAllVariantSelections()
+    if found := shot.GetAttributeAtPath(shown(path)):
+        return found
+    for prefix in path.GetPrimPath().GetPrefixes()[::-1]:
+        if spec := layer.GetPrimAtPath(prefix):
+            arcs = spec.specializesList, spec.inheritPathList
+            for base in (x for arc in arcs for x in arc.GetAddedOrExplicitItems()):
+                if found := shot.GetAttributeAtPath(shown(path.ReplacePrefix(prefix, base))):
+                    return found
+    return Usd.Attribute()
+
+
+def is_chosen(layer: Sdf.Layer, path: Sdf.Path) -> bool:
+    """Whether what is written at a path is in no alternative, or in the one that the layer itself selects."""
+    for prefix in path.GetPrefixes():
+        if prefix.IsPrimVariantSelectionPath() and prefix.GetVariantSelection()[0] == ALTERNATIVES:
+            spec = layer.GetPrimAtPath(prefix.GetPrimPath())
+            if spec and spec.variantSelections.get(ALTERNATIVES) != prefix.GetVariantSelection()[1]:
+                return False
+    return True

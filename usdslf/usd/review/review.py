@@ -11,6 +11,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 from pxr import Sdf, Usd, UsdValidation
@@ -28,7 +29,7 @@ from usdslf.usd.layer.hand_edits import specs_of
 from usdslf.usd.layer.opinions import base_of, file_digest, texture_of
 from usdslf.usd.layer.parts import Parts
 from usdslf.usd.layer.provenance import of_another_shot, stale
-from usdslf.usd.layer.shown_paths import ShownPaths
+from usdslf.usd.layer.shown_paths import ShownPaths, shot_attribute
 from usdslf.usd.layer.silent import silent_specs
 from usdslf.usd.layer.weighed import WEIGHED, weighed_in
 from usdslf.usd.layer.wins import why_hidden
@@ -93,6 +94,11 @@ class _Reviewing:
     layer: Sdf.Layer
     ocio: str | None
 
+    @cached_property
+    def shown(self) -> ShownPaths:
+        """Where the opinions of the look are composed."""
+        return ShownPaths(self.stage, self.layer)
+
     def review(self) -> LookReview:
         stage, layer = self.stage, self.layer
         findings = validate(stage, self.ocio)
@@ -103,7 +109,7 @@ class _Reviewing:
             say = f"What else the look changes could not be measured: {error}."
             findings.append(Finding("Collateral", "/", say, layer.GetDisplayName()))
         findings += [_spoilt(c, layer) for c in beside if c.is_finding]
-        shown = ShownPaths(stage, layer)
+        shown = self.shown
         reached = gprims_reached(stage, layer)
         specs = [s for s in specs_of(layer) if shown.is_selected(s.path)]
         gprims_of = lambda spec: tuple(reached.get(spec.path, ()))  # noqa: E731
@@ -172,7 +178,7 @@ class _Reviewing:
             hidden, mend = why_hidden(self.stage, self.layer, spec.path, at)
         return ReviewedEdit(
             prim=str(path.GetPrimPath()), attribute=path.name, shown_at=str(at.GetPrimPath()), targets=targets,
-            before=before, after=after, base=_shown(base_of(spec)), drifted=self._drift(spec, at),
+            before=before, after=after, base=_shown(base_of(spec)), drifted=self._drift(spec),
             representation=_representation(spec), hidden_by=hidden, mend=mend, gprims=() if hidden else gprims,
         )  # fmt: skip
 
@@ -184,14 +190,15 @@ class _Reviewing:
             representation=_representation(spec), is_off=True,
         )  # fmt: skip
 
-    def _drift(self, spec: Sdf.PropertySpec, at: Sdf.Path) -> str:
+    def _drift(self, spec: Sdf.PropertySpec) -> str:
         """What of the shot is not as it was when an opinion was solved, in words."""
         _, digest = texture_of(spec)
-        texture = self.below.GetAttributeAtPath(at.GetPrimPath().AppendProperty("inputs:file"))
+        file = spec.path.GetPrimPath().AppendProperty("inputs:file")
+        texture = shot_attribute(self.below, self.layer, self.shown, file)
         now = texture.Get() if texture else None
         if digest and isinstance(now, Sdf.AssetPath) and file_digest(now.resolvedPath) not in ("", digest):
             return f"acts on {now.path}, which is not the texture that it was solved over"
-        base, attribute = base_of(spec), self.below.GetAttributeAtPath(at)
+        base, attribute = base_of(spec), shot_attribute(self.below, self.layer, self.shown, spec.path)
         current = plain(attribute.Get()) if attribute else None
         if base is None or current is None or _is_near(base, current):
             return ""
