@@ -62,8 +62,10 @@ def said_of_solve(shot: Shot, settings: Settings, mode: str) -> dict[str, Value]
         "similarity": ",".join(f"{float(x)!r}" for x in vars(s.similarity).values()) if s.similarity else "",
         "choose": ",".join(f"{stroke}={choice}" for stroke, choice in sorted(s.choose.items())),
     }  # fmt: skip
-    quality = {"elements": shot.element_count, "bounces": shot.bounces, "refine": shot.refine, "model": shot.model,
-               "missingDome": shot.missing_dome, "makePreview": shot.made is not None}  # fmt: skip
+    quality: dict[str, Value] = {
+        "elements": shot.element_count, "bounces": shot.bounces, "refine": shot.refine, "model": shot.model,
+        "missingDome": shot.missing_dome, "makePreview": shot.made is not None,
+    }  # fmt: skip
     return {k: v for k, v in said.items() if v} | quality
 
 

@@ -56,12 +56,16 @@ def test_tables_are_files_and_light_has_no_unit(shots: Shots, tmp_path: Path) ->
         assert np.array_equal(arrays_of(again)[name], value) and arrays_of(again)[name].dtype == value.dtype, name
     assert again.is_metal is t.is_metal and again.colored is t.colored
     other = shots.tables("ring6", "diffuse", "side")
-    scaled = {name: 100 * getattr(other, name) for name in ("target", "scale", "factor_u", "factor_w", "factor_v")}
+    names = ("target", "scale", "noise", "factor_u", "factor_w", "factor_v")
+    scaled = {name: 100 * getattr(other, name) for name in names}
     b = other.dabs
     bright = replace(other, **scaled, dabs=type(b)(100 * b.p, 100 * b.u, 100 * b.v, 100 * b.w))
     one, two = join_tables([t, other]), join_tables([t, bright])
     assert two.target == pytest.approx(one.target, rel=1e-9) and two.dabs.v == pytest.approx(one.dabs.v, rel=1e-9)
+    assert two.noise == pytest.approx(one.noise, rel=1e-9) and one.noise.any()
     assert set(one.stroke) == {0, 1} and len(one.target) == 12
+    for name, value in arrays_of(one).items():  # what counts dabs counts those of all shots
+        assert len(value) == 12 if np.shape(arrays_of(t)[name])[:1] == (6,) else True, name
 
 
 @pytest.fixture(scope="module")

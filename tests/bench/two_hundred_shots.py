@@ -1,6 +1,6 @@
 """Two hundred small shots in one run: memory and open files of the runner, memory and time of the jobs.
 
-    python tests/bench/two_hundred_shots.py [SOLVED] [SHOWN]      60 are solved, 140 shown under a look
+    python tests/bench/two_hundred_shots.py [SOLVED] [SHOWN] [WORKERS]   60 are solved, 140 shown under a look, by 2
 
 Each shot is a file of its own with a colour of its own, each job a process of its own.  Printed for each tenth of the
 run: resident memory, open files and threads of the runner, the most memory and the mean time of a job.
@@ -36,7 +36,7 @@ look = "look.usda"
 """
 
 
-def write_shots(folder: Path, solved: int, shown: int) -> Path:
+def write_shots(folder: Path, solved: int, shown: int, workers: int) -> Path:
     """Writes the shots and their manifest; returns it."""
     first = folder / "shots/solve_000"
     text = write_shot(first).read_text()
@@ -47,14 +47,15 @@ def write_shots(folder: Path, solved: int, shown: int) -> Path:
         blue = 0.2 + 0.3 * number / len(names)
         (folder / "shots" / name / "stage.usda").write_text(text.replace("(0.4, 0.3, 0.2)", f"(0.4, 0.3, {blue:.4f})"))
     write_look(folder / "look.usda")
-    return write_manifest(folder, "workers = 2", jobs=JOBS)
+    return write_manifest(folder, f"workers = {workers}", jobs=JOBS)
 
 
 def main() -> None:
     """Prints the table."""
-    solved, shown = (int(x) for x in (sys.argv[1:3] if len(sys.argv) > 2 else (60, 140)))
+    given = [int(x) for x in sys.argv[1:]]
+    solved, shown, workers = (*given, *(60, 140, 2)[len(given) :])
     with tempfile.TemporaryDirectory(prefix="usdslf_two_hundred_") as name:
-        found = plan(write_shots(Path(name), solved, shown))
+        found = plan(write_shots(Path(name), solved, shown, workers))
         held: list[tuple[str, int, int, int]] = []
 
         def hear(event: Event) -> None:

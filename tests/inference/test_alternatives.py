@@ -7,6 +7,9 @@ import pytest
 from kit.varying_floor import places, seen, stroke, write_floor
 
 import usdslf
+from usdslf.inference.alternatives import alternatives_of
+from usdslf.inference.answers import Alternative, Answer, Pool
+from usdslf.inference.candidate import Candidate
 
 
 @pytest.fixture(scope="module")
@@ -30,3 +33,21 @@ def test_an_alternative_says_what_choosing_it_writes(shot: usdslf.Shot, name: st
     written = solved(shot, name)["after"]
     for parameter in said:  # nothing sends its light round: a lone floor
         np.testing.assert_allclose(said[parameter], written[parameter], atol=1e-4)
+
+
+def test_those_of_an_indirect_answer_are_changes_of_all_in_sight() -> None:
+    """The chosen one first, though it may cost more, then by cost; where nothing changes it is as it was."""
+    before = {"diffuse": np.full(3, 0.2), "specular": np.full(3, 0.04), "roughness": np.array([0.5])}
+    after = before | {"roughness": np.array([0.1])}
+    others = [
+        Alternative("none", 8.0, (), {}, False, False),
+        Alternative("glossiness of /mtl/ring", 3.0, ("/mtl/ring",), after, False, True),
+        Alternative("diffuse of /mtl/wall", None, ("/mtl/wall",), after, False, False),
+        Alternative("specular of /mtl/ring", 5.0, ("/mtl/ring",), after, True, False),
+    ]
+    pool, chosen = Pool(0, "material", (), (0,)), Candidate(("specular",))
+    answer = Answer(pool, chosen, (chosen,), None, before, after, 1.0, 0.1, (0.1,), others=tuple(others))
+    found = alternatives_of(answer)
+    assert [a.id.split(" ")[0] for a in found] == ["specular", "glossiness", "none", "diffuse"]
+    assert [a.after["roughness"] for a in found] == [0.1, 0.1, 0.5, 0.1]
+    assert found[1].probability > found[0].probability > found[2].probability > found[3].probability == 0

@@ -90,10 +90,11 @@ def test_dabs_of_a_swatch_are_found_and_gradients_are_none() -> None:
 
 
 def test_probabilities_follow_costs() -> None:
-    p = probabilities([Candidate((), cost=c) for c in (5.0, 7.0, 50.0)])
+    p = probabilities([5.0, 7.0, 50.0, None])
     assert p.sum() == pytest.approx(1)
     assert p[0] / p[1] == pytest.approx(np.e)
-    assert p[2] < 1e-6
+    assert p[2] < 1e-6 and p[3] == 0
+    assert probabilities([None, None]).tolist() == [0.5, 0.5] and not len(probabilities([]))
 
 
 def test_roughness_that_varies_moves_by_a_factor() -> None:

@@ -14,6 +14,7 @@ from kit.varying_floor import GREY, add_lamp, part, places
 from pxr import Sdf, Usd
 
 import usdslf
+from usdslf.batch import run_job
 from usdslf.review.review import ReviewSettings
 from usdslf.session import Session
 from usdslf.shot import Shot
@@ -22,7 +23,7 @@ README = Path(__file__).parents[2] / "README.md"
 SMALLER = {
     "(900, 450)": "(48, 24)", "(450, 225)": "(24, 12)", "(300, 100, 600, 300)": "(16, 8, 32, 16)",
     "frames(64": "frames(2",
-    'on_cluster("tcp://farm:8786")': "None",  # which is this machine
+    'on_cluster("tcp://farm:8786")': "in_this_process",
 }  # fmt: skip
 BATCH = """output = "looks"
 elsewhere = ["studio.hdr"]
@@ -68,13 +69,13 @@ def test_they_do_what_they_say(folder: Path, capsys: pytest.CaptureFixture[str])
     for of, into in SMALLER.items():
         assert of in "".join(blocks), of
         blocks = [block.replace(of, into) for block in blocks]
-    names: dict[str, Any] = {}
+    names: dict[str, Any] = {"in_this_process": lambda jobs, found, tell: ((job, run_job(job)) for job in jobs)}
     for number, block in enumerate(blocks):
         exec(compile(block, f"README.md, example {number + 1}", "exec"), names)
     said = capsys.readouterr().out
     assert names["picture"].shape == (27, 48, 3)
     assert names["found"].job("shot") and names["summary"].count("done") == 1 and not names["summary"].failed
-    assert names["rebase"].edits == () and "shot done" in said
+    assert names["rebase"].edits == () and "shot done None" in said
     assert "<html" in (folder / "review.html").read_text(encoding="utf-8")
     assert len(usdslf.read_strokes(folder / "both.usda")) == 4 and (folder / "farm.yaml").is_file()
     assert inputs(folder / "one.usda") == {"patch"}  # stroke_0001 changes nothing

@@ -76,7 +76,7 @@ def _change(answer: Answer, scene: Scene, strokes: Sequence[Stroke], mode: str) 
         map="multiply" if answer.chosen.is_factor or answer.chosen.roughness_mean else "auto",
         residual_before=answer.residual_before,
         residual_after=answer.residual_after,
-        alternatives=() if answer.others else tuple(alternatives_of(answer)),
+        alternatives=tuple(alternatives_of(answer)),
     )
 
 

@@ -31,7 +31,7 @@ from usdslf.inference.solve import enumerate_candidates
 from usdslf.inference.weights import Options
 
 BILINEAR = ("dabs", "background", "elsewhere")
-RADIANCE = ("target", "scale", "factor_u", "factor_w", "factor_v", "background_scale")
+RADIANCE = ("target", "scale", "noise", "factor_u", "factor_w", "factor_v", "background_scale")
 PLACES = ("place", "has_one_color", "dab_levels")
 ANY = ("is_textured", "is_textured_f0", "is_textured_roughness", "must_hold_energy")
 
@@ -92,6 +92,7 @@ def _of_unit_light(t: Tables) -> Tables:
     """The tables in light by which the painted places look 1 in the mean."""
     by = 1 / max(float(np.abs(t.before).mean()), 1e-12)
     values: dict[str, Any] = {name: by * getattr(t, name) for name in RADIANCE}
+    values["noise"] = np.broadcast_to(values["noise"], t.target.shape)
     for name in BILINEAR:
         b = getattr(t, name)
         values[name] = Bilinear(by * b.p, by * b.u, by * b.v, by * b.w)

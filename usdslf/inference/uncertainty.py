@@ -1,7 +1,7 @@
 """Uncertainty: how far the paint allows each parameter to be elsewhere, and how likely each explanation is.
 
     interval(tables, options, candidate) -> diffuse, specular, roughness: least and greatest value, 90 %
-    probabilities(candidates) -> of each set of parameters
+    probabilities(costs) -> of each explanation
 
 With J the columns of what a candidate frees (the derivative of each dab's relative radiance by each of its numbers),
 and the covariance C of the errors that this paint shows (paint_errors.py), the fit's parameters have the covariance
@@ -91,11 +91,11 @@ def _quantiles(sd: float, along: float, dark: float) -> tuple[float, float]:
     return float(low), float(high)
 
 
-def probabilities(candidates: Sequence[Candidate]) -> NDArray[np.float64]:
-    """Returns how likely each of the candidates (n,) is, given that one of them is right."""
-    if not candidates:
-        return np.zeros(0)
-    cost = np.array([c.cost if c.is_admitted else np.inf for c in candidates])
+def probabilities(costs: Sequence[float | None]) -> NDArray[np.float64]:
+    """Returns how likely each of n explanations is by its cost, None for one not admitted, if one of them is right."""
+    cost = np.array([np.inf if c is None else c for c in costs])
+    if not np.isfinite(cost).any():
+        return np.full(len(cost), 1 / max(len(cost), 1))
     odds = np.exp(-(cost - cost.min()) / TEMPERATURE)
     out: NDArray[np.float64] = odds / odds.sum()
     return out

@@ -344,9 +344,10 @@ function alternatives() {
     if (!m.alternatives.length) continue;
     body.append(el("tr", { class: "of" }, el("td", { colspan: 6, class: "path" }, text(m.shown_at))));
     const order = m.alternatives.map((a, i) => i).sort((i, j) => (m.alternatives[i].cost ?? 1e9) - (m.alternatives[j].cost ?? 1e9));
+    const chosen = m.alternatives.findIndex((a) => a.id === m.inferred || a.id.startsWith(m.inferred + " of ")); // indirect
     order.forEach((i, rank) => {
       const a = m.alternatives[i], colors = (m.alternative_colors || [])[i] || {};
-      body.append(el("tr", rank < FEW ? {} : { hidden: "" }, el("td", { class: "nw" }, text(a.id), a.id === m.inferred ? el("span", { class: "good" }, "  chosen") : ""),
+      body.append(el("tr", rank < FEW ? {} : { hidden: "" }, el("td", { class: "nw" }, text(a.id), i === chosen ? el("span", { class: "good" }, "  chosen") : ""),
         el("td", { class: "r num" }, a.cost === null ? "not admitted" : a.cost.toFixed(1)),
         el("td", { class: "r num" }, a.probability.toFixed(2)),
         el("td", { class: "nw" }, ...valued(a.after.diffuse, colors.diffuse)),
