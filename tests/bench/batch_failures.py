@@ -4,9 +4,9 @@
 
 One has no strokes, one a corrupt layer, one no geometry; one hangs, one job is killed while it reads, and of one the
 worker that runs it is: on Dask the worker with kill -9, and the scheduler is restarted too; in `openjd run` the process
-that the task's small one waits for.  What hung and was killed is mended once it was tried, and the same command is run again.  Printed: what each
-run was to do, what came of it with each failure's sentence, whether results that stood stayed untouched, and a hash of
-the bytes of all results, which is the same on each engine.
+that the task's small one waits for.  What hung and was killed is mended once it was tried, and the same command is run
+again.  Printed: what each run was to do, what came of it with each failure's sentence, whether results that stood
+stayed untouched, and a hash of the bytes of all results, which is the same on each engine.
 """
 
 from __future__ import annotations
