@@ -17,8 +17,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from usdslf.rays import Hits
 from usdslf.render.overview_camera import APERTURE, FOCAL_LENGTH
-from usdslf.scene.cameras import camera_rays, looking
+from usdslf.scene.cameras import CameraRays, camera_rays, looking
 from usdslf.scene.records import F64, Camera, Scene
 from usdslf.shot import Shot
 from usdslf.strokes.stroke import Stroke
@@ -30,6 +31,7 @@ ENOUGH = 0.15  # of a picture: what shows more is no better view of it
 TURNS = (35.0, -35.0, 70.0, -70.0, 120.0, -120.0, 180.0)  # degrees about what changes, from the strokes' camera
 RISES = (0.0, 20.0, 45.0)  # degrees
 APART = 25.0  # degrees between two held-out views, at least
+BEHIND = 0.15  # of a picture: what shows more of surfaces from their other side looks at a room from outside
 CLOSE = 0.03  # of the diagonal: an eye before which everything is this near is in a corner
 
 
@@ -112,8 +114,12 @@ def held_out_views(
     found = found[:count]
     if len(found) == count:
         return found
-    around = [(_share(shot, v.camera, changed), v) for v in _around(shot, views[0].camera, about)]
-    for share, view in sorted(around, key=lambda x: -min(x[0], ENOUGH)):  # of those that show enough, the first
+    front = _sides(shot, views[0].camera)
+    around = [
+        (_share(shot, v.camera, changed), _share_behind(shot, v.camera, front) > BEHIND, v)
+        for v in _around(shot, views[0].camera, about)
+    ]
+    for share, _, view in sorted(around, key=lambda x: (x[1], -min(x[0], ENOUGH))):  # the first that shows enough
         others = [_eye(v.camera) for v in found] + taken
         if share >= LEAST and all(_angle(_eye(view.camera) - about, o - about) >= APART for o in others):
             found.append(view)
@@ -177,12 +183,40 @@ def _looking(scene: Scene, eye: F64, at: F64, like: Camera | None = None) -> Cam
     return Camera("", matrix, like.horizontal_aperture, like.vertical_aperture, like.focal_length)
 
 
-def _share(shot: Shot, camera: Camera, changed: NDArray[np.bool_]) -> float:
-    """The share of a camera's picture that shows what changes; 0 from inside of things."""
+def _probed(shot: Shot, camera: Camera) -> tuple[CameraRays, Hits]:
+    """Rays of a camera's picture, and what they meet."""
     width, height = PROBES
     x, y = (np.arange(width) + 0.5) / width, (np.arange(height) + 0.5) / height
     rays = camera_rays(camera, np.stack(np.meshgrid(x, y), -1).reshape(-1, 2), width / height)
-    met = shot.tracer.intersect(rays.origin, rays.direction)
+    return rays, shot.tracer.intersect(rays.origin, rays.direction)
+
+
+def _sides(shot: Shot, camera: Camera) -> F64:
+    """By which side each mesh (M,) of the scene is seen, the mean of 1 for its front and -1; 0 where it is not seen."""
+    mesh, side = _seen_sides(shot, camera)
+    count = len(shot.scene.meshes)
+    return np.bincount(mesh, side, count) / np.maximum(np.bincount(mesh, minlength=count), 1)
+
+
+def _share_behind(shot: Shot, camera: Camera, front: F64) -> float:
+    """The share of a camera's picture that shows meshes from another side than `front` says."""
+    mesh, side = _seen_sides(shot, camera)
+    return float((side * front[mesh] < 0).sum() / (PROBES[0] * PROBES[1]))
+
+
+def _seen_sides(shot: Shot, camera: Camera) -> tuple[NDArray[np.int32], F64]:
+    """The mesh of each place of a picture that shows something, and by which side: 1 its front, -1 its back."""
+    rays, met = _probed(shot, camera)
+    rows = np.flatnonzero(met.triangle >= 0)
+    triangles, corner = shot.scene.triangles, shot.scene.triangles.positions[met.triangle[rows]].astype(np.float64)
+    normal = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
+    side = -np.sign(np.einsum("ij,ij->i", normal, rays.direction[rows]))
+    return triangles.mesh[met.triangle[rows]], side
+
+
+def _share(shot: Shot, camera: Camera, changed: NDArray[np.bool_]) -> float:
+    """The share of a camera's picture that shows what changes; 0 from inside of things."""
+    _, met = _probed(shot, camera)
     hit = met.triangle >= 0
     if hit.any() and np.median(met.distance[hit]) < CLOSE * shot.scene.diagonal:
         return 0.0
