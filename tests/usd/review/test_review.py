@@ -93,8 +93,13 @@ def test_what_an_earlier_look_of_the_shot_says_is_replaced_and_no_finding(
     (later / "hidden.usda").write_text(
         f"#usda 1.0\n(\n    subLayers = [@../{earlier.name}@, @./look.usda@, @../{shot.name}@]\n)\n"
     )
-    names = [f.name for f in review_look(later / "hidden.usda", later / "look.usda", None).findings]
-    assert "HiddenEdit" in names
+    found = review_look(later / "hidden.usda", later / "look.usda", None)
+    (hidden,) = [f for f in found.findings if f.name == "HiddenEdit"]
+    above, below = f"{earlier.parent.name}/look.usda", "later/look.usda"  # of one name: told apart
+    assert f"of {below} is hidden by {above} at " in hidden.message and f"put {below} above {above}" in hidden.message
+    (third := tmp_path / "third").mkdir()
+    author(Usd.Stage.Open(str(later / "hidden.usda")), third, change_of(stage, "/World/floor", "glossiness"))
+    assert not review_look(later / "hidden.usda", third / "look.usda", None).findings  # those are no fault of its own
 
 
 def test_what_is_no_look_is_refused(shot_and_look: tuple[Path, Path], run: Run, tmp_path: Path) -> None:

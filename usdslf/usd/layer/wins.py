@@ -15,6 +15,7 @@ from pxr import Sdf, Usd, UsdShade
 
 from usdslf.usd.binding import bound_relationship
 from usdslf.usd.layer.affected import gprims_reached
+from usdslf.usd.layer.layer_names import layer_name
 from usdslf.usd.layer.network import same_value
 from usdslf.usd.shot_metadata import ROOT_ONLY, copy_shot_metadata, default_prim_name
 
@@ -95,7 +96,7 @@ def why_hidden(
     stronger = next((s for s in attribute.GetPropertyStack(first) if s.layer != layer or s.path != path), None)
     if stronger is None:
         return "an opinion that USD does not name", "flatten the shot to find it"
-    name = stronger.layer.GetDisplayName()
+    name = layer_name(review, stronger.layer)
     samples = "time samples in " if stronger.layer.ListTimeSamplesForPath(stronger.path) else ""
     return f"{samples}{name} at {stronger.path}", _mend_stronger(review, layer, path, stronger, samples)
 
@@ -103,14 +104,14 @@ def why_hidden(
 def _mend_stronger(
     review: Usd.Stage, layer: Sdf.Layer, path: Sdf.Path, stronger: Sdf.PropertySpec, samples: str
 ) -> str:
-    name, what = stronger.layer.GetDisplayName(), samples.removesuffix(" in ") or "opinion"
+    name, what = layer_name(review, stronger.layer), samples.removesuffix(" in ") or "opinion"
     if stronger.layer == layer:
         return f"remove {stronger.path} from {name}"
     session = review.GetSessionLayer()
     if session and (stronger.layer == session or stronger.layer.identifier in session.subLayerPaths):
         return f"remove the {what} from the session layer {name}"
     if stronger.path == path:
-        return f"put {layer.GetDisplayName()} above {name} in the list of sublayers"
+        return f"put {layer_name(review, layer)} above {name} in the list of sublayers"
     if path.GetPrefixes()[0] != stronger.path.GetPrefixes()[0]:
         return f"remove the {what} from {name}, or solve with --mode override: prims are stronger than classes"
     return f"remove the {what} from {name}: it is stronger than a variant"

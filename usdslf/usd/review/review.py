@@ -26,6 +26,7 @@ from usdslf.usd.border import in_words, plain, quiet_usd, reading
 from usdslf.usd.edited import open_edited
 from usdslf.usd.layer.affected import gprims_reached
 from usdslf.usd.layer.hand_edits import specs_of
+from usdslf.usd.layer.layer_names import layer_name
 from usdslf.usd.layer.opinions import base_of, file_digest, texture_of
 from usdslf.usd.layer.parts import Parts
 from usdslf.usd.layer.provenance import of_another_shot, stale
@@ -120,7 +121,7 @@ class _Reviewing:
             if isinstance(s, Sdf.PropertySpec)
         ]
         edits += [self._silent(at, s, of[at]) for at, s in silent_specs(layer) if isinstance(s, Sdf.PropertySpec)]
-        findings = [f for f in findings if f.name != "HiddenEdit" or f.prim not in self._replaced(edits)]
+        findings = self._of_this_look(findings, edits)
         materials = [
             _material(s, str(shown(s.path)), gprims_of(s))
             for s in specs
@@ -142,14 +143,19 @@ class _Reviewing:
             validator_errors=tuple(_new_errors(stage, self.below, layer)),
         )
 
-    def _replaced(self, edits: list[ReviewedEdit]) -> set[str]:
-        """Where a look that is laid over the shot shows: what an earlier one of the shot says there is replaced.
+    def _of_this_look(self, findings: list[Finding], edits: list[ReviewedEdit]) -> list[Finding]:
+        """Leaves out what a look that is laid over the shot hides, and what other looks of the shot hide of each other.
 
         Two looks that are in the shot both, and clash there, are found as such.
         """
-        found: set[str] = set()
         if self.layer in self.stage.GetLayerStack(includeSessionLayers=False):
-            return found
+            return findings
+        replaced, name = self._replaced(edits), layer_name(self.stage, self.layer)
+        return [f for f in findings if f.name != "HiddenEdit" or (f.layer == name and f.prim not in replaced)]
+
+    def _replaced(self, edits: list[ReviewedEdit]) -> set[str]:
+        """Where a look that is laid over the shot shows: what an earlier one of the shot says there is replaced."""
+        found: set[str] = set()
         for e in (e for e in edits if e.wins):
             prim = self.stage.GetPrimAtPath(e.shown_at)
             if not e.attribute.startswith(BINDING):

@@ -34,6 +34,7 @@ from usdslf.errors import StrokeError, UsdslfError
 from usdslf.usd.binding import bound_relationship
 from usdslf.usd.border import reading
 from usdslf.usd.files import assets_of
+from usdslf.usd.layer.layer_names import layer_name
 from usdslf.usd.layer.provenance import of_another_shot, stale
 from usdslf.usd.layer.shown_paths import ShownPaths, is_there
 from usdslf.usd.layer.silent import SILENT
@@ -109,7 +110,7 @@ class _Look:
     """The opinions of one look layer, seen in the stage that they are composed in."""
 
     def __init__(self, stage: Usd.Stage, layer: Sdf.Layer, color: Color) -> None:
-        self.stage, self.layer, self.file = stage, layer, layer.GetDisplayName()
+        self.stage, self.layer, self.file = stage, layer, layer_name(stage, layer)
         self.color = color
         self.shown = ShownPaths(stage, layer)
         self.users = self.shown.users
