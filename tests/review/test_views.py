@@ -1,4 +1,4 @@
-"""Views that nobody painted from look at what changes from inside of a room that is open in front, as the painter did."""
+"""Views that nobody painted from look at what changes from inside of a room that is open in front."""
 
 from __future__ import annotations
 
