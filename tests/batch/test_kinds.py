@@ -18,6 +18,7 @@ from usdslf.batch import collect, plan, run_job
 from usdslf.batch.changed import what_changed
 from usdslf.batch.elsewhere import prefer_what_holds, score_elsewhere
 from usdslf.batch.identity import identity_of
+from usdslf.batch.sheet import FOUND, PLAIN
 from usdslf.color import USD_DEFAULT_SPACE, color_of
 from usdslf.errors import InputError
 from usdslf.shot import Shot
@@ -70,7 +71,7 @@ def test_an_explanation_that_holds_elsewhere_is_preferred_at_a_near_tie(tmp_path
     session.solve()
     assert session.answers[0].chosen.id == "specular" and "diffuse" in session.answers[0].ties
     scored = score_elsewhere(session.shot, session.solution, [str(tmp_path / "sky.exr"), str(other)])
-    assert [s.place for s in scored] == ["sky.exr", "shot.usda"] and not any(s.why_not for s in scored)
+    assert [s.place for s in scored] == ["sky.exr", "side/shot.usda"] and not any(s.why_not for s in scored)
     for each in scored:
         assert each.chosen == "specular" and each.shares["diffuse"] > each.shares["specular"] + 0.15, each
     assert prefer_what_holds(session.solution, scored, {}) == {"stroke_0001": "diffuse"}
@@ -115,6 +116,8 @@ def test_an_accepted_look_goes_over_other_shots(folder: Path) -> None:
     assert before.shape == (27, 48, 4) and np.abs(before - after).max() > 0.05
     summary = collect(found)
     sheet = read_image(folder / "out/sheet.png", "raw", COLOR)
+    below = sheet[-16:].reshape(-1, 4)[:, :3]  # names, of those with findings in their colour
+    assert (np.abs(below - FOUND).max(1) < 0.02).any() and (np.abs(below - PLAIN).max(1) < 0.02).any()
     assert sheet.shape[1] > 3 * 2 * 48 and summary.rows[1].pictures == (
         "accepted/one/before.png",
         "accepted/one/after.png",

@@ -42,7 +42,7 @@ class Scored:
     """What the explanations of a stroke show in another place.
 
     Attributes:
-        place: file name of the other light or shot.
+        place: file name of the other light or shot, with as many folders as tell it apart from the others.
         strokes: names of those that were asked together.
         chosen: id of the explanation that is taken.
         shares: id of each explanation that costs about as little -> how much of the wanted change it shows there.
@@ -73,8 +73,9 @@ def score_elsewhere(shot: Shot, solution: Solution, places: Sequence[str]) -> li
     Raises: InputError for a place that is neither.
     """
     found = []
+    names = _told_apart([*places, shot.path])
     for place in places:
-        name = Path(place).name
+        name = names[place]
         if not is_file(place):
             raise InputError(f"there is no {place} to score in; mend `elsewhere` of the manifest")
         try:
@@ -85,6 +86,17 @@ def score_elsewhere(shot: Shot, solution: Solution, places: Sequence[str]) -> li
                 found.append(Scored(name, tuple(s.name for s in strokes), answer.chosen.id, shares))
         except UsdslfError as error:
             found.append(Scored(name, tuple(s.name for s in solution.strokes), "", {}, str(error)))
+    return found
+
+
+def _told_apart(paths: Sequence[str]) -> dict[str, str]:
+    """By path its last parts, as many as no other path has."""
+    parts = {path: Path(path).resolve().parts for path in paths}
+    found = {}
+    for path, own in parts.items():
+        others = [p for p in parts.values() if p != own]
+        count = next((n for n in range(1, len(own)) if all(p[-n:] != own[-n:] for p in others)), len(own))
+        found[path] = "/".join(own[-count:])
     return found
 
 
