@@ -68,10 +68,12 @@ def looks_of(name: str, asked: Asked) -> Iterator[tuple[str, str, str]]:
     play = Play(entry, asked.out / name / "figure", elements=asked.elements, pictures=False)
     entry.run(play)
     last = next((s for s in reversed(play.steps) if s.report["edits"]), None)
-    if last is None:
+    if last is not None:
+        yield name, last.before.scene.stage, str(last.folder / "look.usda")
+    elif (look := play.folder / "look.usda").is_file():  # of no stroke: a style
+        yield name, play.session.shot.path, str(look)
+    else:
         print(f"{name:18s} writes no look", flush=True)
-        return
-    yield name, last.before.scene.stage, str(last.folder / "look.usda")
 
 
 def _painted(name: str, asked: Asked) -> tuple[str, str]:

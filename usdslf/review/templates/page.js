@@ -306,7 +306,7 @@ function changes() {
         el("td", { class: "path" }, text(row.name)),
         el("td", {}, ...valued(row.before, row.before_color), meanOf(material, row, "before")),
         el("td", {}, ...valued(row.after, row.after_color), meanOf(material, row, "after")),
-        el("td", {}, row.representation, row.more ? el("span", { class: "dim" }, ` + ${row.more} more opinions`) : ""),
+        el("td", {}, row.representation, row.more ? el("span", { class: "dim" }, ` + ${row.more} more opinion${row.more === 1 ? "" : "s"}`) : ""),
         el("td", { class: row.wins ? "" : "bad" }, text(shows),
           row.drifted ? el("div", { class: "warn" }, text(row.drifted)) : ""),
         el("td", {}, row.target ? judging(row.target, false) : "")));
