@@ -48,8 +48,8 @@ def command(*arguments: object) -> subprocess.Popen[str]:
 
 def reader_of(pipe: Path) -> int:
     """The process that waits in opening a pipe; 0 where there is none.  By what the kernel (Linux, x86-64) says."""
-    for thread in Path("/proc").glob("[0-9]*/task/[0-9]*"):
-        with suppress(OSError, ValueError, IndexError):
+    for thread in _threads():
+        with suppress(OSError, ValueError, IndexError):  # it may have ended meanwhile
             number, *arguments = (thread / "syscall").read_text().split()
             if number not in OPENING:
                 continue
@@ -58,6 +58,13 @@ def reader_of(pipe: Path) -> int:
                 if memory.read(len(bytes(pipe)) + 1) == bytes(pipe) + b"\0":
                     return int(thread.parts[2])
     return 0
+
+
+def _threads() -> Iterator[Path]:
+    """Of all processes, as /proc has them."""
+    for process in os.listdir("/proc"):
+        with suppress(OSError):
+            yield from [Path("/proc", process, "task", name) for name in os.listdir(f"/proc/{process}/task")]
 
 
 def parent_of(process: int) -> int:
