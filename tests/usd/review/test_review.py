@@ -99,7 +99,8 @@ def test_what_an_earlier_look_of_the_shot_says_is_replaced_and_no_finding(
     assert f"of {below} is hidden by {above} at " in hidden.message and f"put {below} above {above}" in hidden.message
     (third := tmp_path / "third").mkdir()
     author(Usd.Stage.Open(str(later / "hidden.usda")), third, change_of(stage, "/World/floor", "glossiness"))
-    assert not review_look(later / "hidden.usda", third / "look.usda", None).findings  # those are no fault of its own
+    found = review_look(later / "hidden.usda", third / "look.usda", None)
+    assert "HiddenEdit" not in {f.name for f in found.findings}  # what those hide of each other is no fault of its own
 
 
 def test_what_is_no_look_is_refused(shot_and_look: tuple[Path, Path], run: Run, tmp_path: Path) -> None:
