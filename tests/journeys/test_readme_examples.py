@@ -8,7 +8,9 @@ from functools import partial, partialmethod
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
+from kit.look_stages import shown
 from kit.stage_parts import StageBuilder, rectangle
 from kit.varying_floor import GREY, add_lamp, part, places
 from pxr import Sdf, Usd
@@ -78,12 +80,15 @@ def test_they_do_what_they_say(folder: Path, capsys: pytest.CaptureFixture[str])
     assert names["rebase"].edits == () and "shot done" in said
     assert "<html" in (folder / "review.html").read_text(encoding="utf-8")
     assert len(usdslf.read_strokes(folder / "both.usda")) == 4 and (folder / "farm.yaml").is_file()
-    assert inputs(folder / "one.usda") == {"patch"}  # stroke_0001 changes nothing
-    assert inputs(folder / "accepted.usda") == set()  # without stroke_0002, and what is left is off
     assert said.count("studio.hdr") >= 2 and "other_shot.usda" in said
+    grey, green = (0.4, 0.4, 0.4), (0.15, 0.5, 0.15)
+    np.testing.assert_allclose(diffuse(folder, "one.usda"), [grey, green], atol=0.02)  # stroke_0001 changes nothing
+    np.testing.assert_allclose(diffuse(folder, "accepted.usda"), [grey, grey], atol=0.02)  # no stroke_0002; all is off
 
 
-def inputs(look: Path) -> set[str]:
-    """The materials that a look says something of, where it shows."""
-    shown = Sdf.Layer.FindOrOpen(str(look)).GetPrimAtPath("/World/mtl")
-    return {child.name for child in shown.nameChildren} if shown else set()
+def diffuse(folder: Path, look: str) -> list[tuple[float, ...]]:
+    """The diffuse colours of floor and patch under a look."""
+    root = Sdf.Layer.CreateAnonymous(".usda")
+    root.subLayerPaths = [str(folder / look), str(folder / "shot.usda")]
+    stage = Usd.Stage.Open(root)
+    return [tuple(shown(stage, f"/World/{name}")["d"]) for name in ("floor", "patch")]
