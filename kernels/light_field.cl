@@ -13,8 +13,6 @@
 #define STREAMED 0
 #endif
 
-inline int coarse_of_bin(int d) { return (d / SIDE / 2) * (SIDE / 2) + (d % SIDE) / 2; }
-
 /* light arriving at a block's elements: fixed light plus what the elements that they see send back
  * order     (blocks * 16) element of each lane, -1 for none
  * hit       (N, D) packed links

@@ -2,10 +2,16 @@
  *
  *     guide_rows     what neighbours are compared by
  *     mean_columns   columns of all frames so far, to light (rows, LIGHT): X, Y, A, B, coat
- *     filter_light   along one axis, over neighbours that show the same surface the same way; kernels/filter.cl has the reasons
+ *     filter_light   along one axis, over neighbours that show the same surface the same way
  *     shade          light and colours to radiance, row by row
  *     combine        rows to pixels
  *     find_edges     pixels that one sample is not enough for
+ *
+ * In a window of the size of the tile that shares a set of numbers each of them occurs once, so a box is the right shape: flat areas
+ * come out without any noise.  A neighbour counts where it shows the same material, lies in the same plane and looks the same way; for
+ * specular light, where its mirror direction differs by less than the lobe is wide, so that sharp reflections stay sharp.  Where that
+ * is less than the window, a part of the tile would be left out, and the place in the tile would show as a pattern: there the tile is
+ * smaller, and so is the window.
  *
  * Guides: position, how far neighbours may lie off its plane, normal, class (negative: nothing), mirror direction, alpha, tile, width.
  */

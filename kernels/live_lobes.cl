@@ -71,7 +71,7 @@ inline float3 cosine_direction(float2 u)
     return (float3)(sqrt(u.y) * cos_sin_of_turn(u.x), sqrt(larger(1.0f - u.y, 0.0f)));
 }
 
-/* ── the guide: where light comes from at an element, by blocks of bins; see guided_directions.cl ── */
+/* ── the guide: where light comes from at an element, by blocks of bins in which directions are even; see usdslf/render/guide.py ── */
 
 inline float guided_density(__global const float *guides, __global const float *frames, int element, float3 d)
 {

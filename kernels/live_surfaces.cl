@@ -1,5 +1,5 @@
 /* live_surfaces.cl: surfaces at hits, turned to who looks at them; device twin of surfaces/surface_points.py and of
- * shading_points of render/lobes.py.
+ * render/live/host_surfaces.py.
  */
 #include "live_materials.cl"
 #include "lookup.cl"

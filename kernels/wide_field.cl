@@ -17,28 +17,3 @@ __kernel void average_bins(
             sum += load_light(outgoing, element * D_BINS + bin_in_block(b, x, y));
     store3(sum / (float)(BLOCK * BLOCK), mean, i);
 }
-
-__kernel void follow_wide_links(
-    const uint n,                   /* hits */
-    const uint near,                /* links of each */
-    __global const uint *links,     /* (n, near) links */
-    __global const float *weights,  /* (n, near) */
-    __global const float *mean,     /* (N, D / BLOCK^2, 3) */
-    __global float *radiance)       /* (n, 4) out: interpolated, and the luminance of the brightest element */
-{
-    uint i = get_global_id(0);
-    if (i >= n) return;
-    float3 v = (float3)(0.0f);
-    float brightest = 0.0f;
-    for (uint k = 0; k < near; k++) {
-        uint h = links[i * near + k];
-        if (!IS_LINK(h)) continue;
-        uint bin = BIN_OF(h);
-        uint b = block_of(bin);
-        float3 one = load3(mean, (size_t)ELEMENT_OF(h) * BLOCK_COUNT + b);
-        float weight = weights[i * near + k];
-        v += weight * one;
-        if (weight > 0.02f) brightest = max(brightest, dot(one, LUMINANCE));
-    }
-    vstore4((float4)(v, brightest), i, radiance);
-}

@@ -279,7 +279,7 @@ def test_steps_say_a_word_for_each_block_of_their_work(stage: Path, told_by_bloc
     from usdslf.elements import neighbours
     from usdslf.light_field import static_light, visibility
     from usdslf.rays import CHUNK
-    from usdslf.render import gather
+    from usdslf.render.live import gather, still
 
     said: list[str] = []
     session = Session(str(stage), elements=3000, bounces=1, say=lambda step, share: said.append(step))
@@ -295,7 +295,7 @@ def test_steps_say_a_word_for_each_block_of_their_work(stage: Path, told_by_bloc
     session.light_field  # noqa: B018
     said.clear()
     session.render(size=(160, 90), samples=16)
-    assert said.count("render") >= 2 + 4 * 160 * 90 / gather.CHUNK
+    assert said.count("render") >= 2 + still.RAYS * 4 * (160 * 90 * 4 // gather.BATCH + 1)
 
 
 @pytest.mark.usefixtures("nothing_kept")

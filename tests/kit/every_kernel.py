@@ -22,7 +22,6 @@ from usdslf.light_field.renewal import renew
 from usdslf.light_field.storage import Storage
 from usdslf.look import live_picture, render_shot
 from usdslf.render.live import noise
-from usdslf.render.wide_field import WideField
 from usdslf.scene.cameras import camera_rays
 from usdslf.scene.records import Material, constant
 from usdslf.shot import Shot
@@ -133,12 +132,10 @@ def all_steps(device: Device, folder: Path) -> Iterator[str]:
     yield "live picture"
     render_shot(shot, CAMERA, None, SIZE, ("direct", "indirect", "albedo", "normal", "alpha"), 1)
     yield "final picture"
-    render_shot(shot, CAMERA, None, (2, 2), samples=1, footprint=np.inf)
     rays = camera_rays(shot.camera(CAMERA), [(0.3, 0.7), (0.5, 0.6), (0.7, 0.8)], SIZE[0] / SIZE[1])
     hits = shot.tracer.intersect(rays.origin, rays.direction)
-    for lit in (field, WideField(device, field)):  # what stands in for a light field is asked for this
-        lit.radiance_from_hits(hits.triangle, hits.barycentric, rays.direction)
-    yield "traced picture"
+    field.radiance_from_hits(hits.triangle, hits.barycentric, rays.direction)
+    yield "what rays see of the light field"
     opened = partial(Shot.open, str(plain), device=device, elements=FEW, bounces=BOUNCES)
     find_style(opened(), radius=1.0)
     yield "style"

@@ -19,11 +19,13 @@ from usdslf.scene.records import Camera, Material, Scene
 SIZE = (48, 32)
 
 
-def lit_scene(scene: Scene, device: Device, elements: int = 200, model: str = "preview_surface") -> LitScene:
+def lit_scene(
+    scene: Scene, device: Device, elements: int = 200, model: str = "preview_surface", bounces: int = 8
+) -> LitScene:
     """A scene with its light field."""
     tracer = RayTracer(scene)
     made = of_elements(
-        device, scene, tracer, sample_elements(scene, tracer, elements, np.random.default_rng(0)), model, 8
+        device, scene, tracer, sample_elements(scene, tracer, elements, np.random.default_rng(0)), model, bounces
     )
     return LitScene(scene, tracer, made.field, scene.lights, device)
 

@@ -2,42 +2,54 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from kit.scene_pictures import camera_at, ground, matte, picture
-from kit.scene_records import make_scene, sphere
+from kit.scene_records import make_scene, quad
 from numpy.typing import NDArray
+from reference.lights import latlong_direction
 from reference.reflectance import ggx, microfacets
 
+from usdslf.color import USD_DEFAULT_SPACE
 from usdslf.gpu.device import Device
-from usdslf.render.filter import TILE, LightFilter, tiles_within, worst_tiles
-from usdslf.render.gather import Gatherer
-from usdslf.render.lobes import ShadingPoints
-from usdslf.scene.records import Material, constant
+from usdslf.render.live.noise import BUDGET, Noise, worst_units
+from usdslf.render.live.records import G_TILE, MATERIAL, TILE
+from usdslf.scene.records import Light, LightTexture, Material, constant
+from usdslf.textures.images import write_image
 
 SIZE = (128, 96)
 SLOPE = np.array([0.5, 0.3, -0.4])
+ROWS = 128  # of the sky's picture
 
 
-class Slope:
-    """A stand-in for a light field whose radiance is linear in the direction."""
-
-    model = "preview_surface"
-
-    def radiance_from_hits(self, triangle: NDArray, barycentric: NDArray, direction: NDArray) -> NDArray:
-        return np.repeat(1 + direction @ SLOPE.astype(np.float32), 3).reshape(-1, 3)
+def linear(direction: NDArray) -> NDArray:
+    """Radiance (...) that is linear in the direction (..., 3)."""
+    return 1 + direction @ SLOPE
 
 
-def floor(device: Device, samples: int = 16, **inputs: float) -> tuple[NDArray, NDArray]:
-    """Radiance (h, w) of the nearer half of a floor in a large room, and directions (h, w, 3) to the eye."""
+def sky(folder: Path, radiance: Callable[[NDArray], NDArray]) -> Light:
+    """A dome of radiance (...) by world directions (..., 3)."""
+    places = np.meshgrid(np.arange(ROWS) + 0.5, np.arange(2 * ROWS) + 0.5, indexing="ij")
+    pixels = np.repeat(radiance(latlong_direction(*places, ROWS, 2 * ROWS))[..., None], 3, 2)
+    write_image(folder / "sky.exr", pixels.astype(np.float32), half=False)
+    of = LightTexture(str(folder / "sky.exr"), "latlong", "raw", "", USD_DEFAULT_SPACE)
+    return Light("/sky", "dome", (1.0,) * 3, np.eye(4), texture=of)
+
+
+def floor(
+    device: Device, light: Light, size: tuple[int, int] = SIZE, samples: int = 16, **inputs: float
+) -> tuple[NDArray, NDArray]:
+    """Radiance (h, w) of the nearer half of a floor below a sky, and directions (h, w, 3) to the eye."""
     material = Material("", **{k: constant(*(v,) * (3 if k == "diffuse_color" else 1)) for k, v in inputs.items()})
-    scene = make_scene(ground(30.0), sphere(40.0, material=1), materials=[material, matte()])
+    scene = make_scene(ground(30.0), materials=[material], lights=[light])
     camera = camera_at((0, 1.05, 2.9), (0, 0.35, 0), focal_length=40.0)
-    names = ("color", "position")
-    aovs = picture(scene, camera, device, Slope(), size=SIZE, samples=samples, element_area=1e-9, aovs=names)
-    part = slice(SIZE[1] // 2, SIZE[1])
+    aovs = picture(scene, camera, device, size=size, samples=samples, aovs=("color", "position"))
+    part = slice(size[1] // 2, size[1])
     to_eye = camera.world_from_camera[:3, 3] - aovs["position"][part].astype(float)
     return aovs["color"][part].mean(-1).astype(float), to_eye / np.linalg.norm(to_eye, axis=-1, keepdims=True)
 
@@ -52,7 +64,7 @@ def mirrored(to_eye: NDArray, roughness: float) -> float:
     eh = h @ e
     l = 2 * eh[..., None] * h - e
     density = ggx(alpha, h) * h[..., 2]  # of h
-    radiance = 1 + np.stack([l[..., 0], l[..., 2], -l[..., 1]], -1) @ SLOPE
+    radiance = linear(np.stack([l[..., 0], l[..., 2], -l[..., 1]], -1))
     each = np.where((eh > 0) & (l[..., 2] > 0), microfacets(alpha, e, l) * l[..., 2] * radiance * 4 * eh / density, 0)
     return float(each.mean())
 
@@ -76,61 +88,72 @@ def grid_and_rest(value: NDArray) -> tuple[float, float]:
 
 
 @pytest.mark.parametrize("roughness", [0.02, 0.05, 0.1, 0.12])
-def test_a_mirror_floor_shows_no_grid(device: Device, roughness: float) -> None:
-    value, to_eye = floor(device, diffuse_color=1.0, metallic=1.0, roughness=roughness)
-    at = slice(5, None, 12), slice(5, None, 24)
-    truth = [mirrored(e, roughness) for e in to_eye[at].reshape(-1, 3)]
-    np.testing.assert_allclose(value[at].ravel(), truth, rtol=0.006)
+def test_a_mirror_floor_shows_no_grid(device: Device, roughness: float, tmp_path: Path) -> None:
+    value, _ = floor(device, sky(tmp_path, linear), diffuse_color=1.0, metallic=1.0, roughness=roughness)
     grid, beside = grid_and_rest(value)
     assert grid < 2e-5 + 3 * beside, (grid, beside)
+    about = (np.roll(value, 1, 1) + np.roll(value, -1, 1) + np.roll(value, 1, 0) + np.roll(value, -1, 0)) / 4
+    rest = (value - about)[4:-4, 8:-8]
+    h, w = (n // 4 * 4 for n in rest.shape)
+    of_place = rest[:h, :w].reshape(h // 4, 4, w // 4, 4).mean((0, 2))  # by where a pixel lies in its tile
+    assert np.abs(of_place).max() < 2e-4 * value.mean()
+    assert np.abs(rest).max() < 0.02 * value.mean()
+
+
+@pytest.mark.parametrize("roughness", [0.02, 0.05, 0.1, 0.12])
+def test_a_mirror_floor_shows_the_sky_by_its_lobe(device: Device, roughness: float, tmp_path: Path) -> None:
+    inputs = dict(diffuse_color=1.0, metallic=1.0, roughness=roughness)
+    value, to_eye = floor(device, sky(tmp_path, linear), (32, 24), 256, **inputs)
+    at = slice(2, None, 4), slice(2, None, 7)
+    truth = [mirrored(e, roughness) for e in to_eye[at].reshape(-1, 3)]
+    np.testing.assert_allclose(value[at].ravel(), truth, rtol=0.004)
 
 
 @pytest.mark.parametrize(("roughness", "most"), [(0.05, 0.0045), (0.12, 0.0003)])
-def test_a_glossy_floor_shows_little_of_a_grid(device: Device, roughness: float, most: float) -> None:
+def test_a_glossy_floor_shows_little_of_a_grid(device: Device, roughness: float, most: float, tmp_path: Path) -> None:
     """Some of its rays are for diffuse light: as many of each sample."""
-    value, _ = floor(device, diffuse_color=0.3, roughness=roughness)
+    value, _ = floor(device, sky(tmp_path, linear), diffuse_color=0.3, roughness=roughness)
     assert grid_and_rest(value)[0] < most
 
 
-def test_all_of_a_window_is_within_reach_and_a_larger_one_is_not() -> None:
-    reach = np.geomspace(0.1, 50, 200)
-    tile = tiles_within(reach, 1)
-    far = np.hypot(tile // 2, tile // 2)  # to the corner of a window
-    assert set(tile) == {1, 2, 4, 8}
-    assert (far <= reach + 1e-9).all()
-    assert (np.hypot(tile, tile)[tile < TILE] > reach[tile < TILE]).all()
-    assert (tiles_within(reach, 4) == np.maximum(tile, 4)).all()
-
-
-def test_a_mirror_gets_more_samples_as_a_whole_or_not_at_all(device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_mirror_gets_more_samples_as_a_whole_or_not_at_all(
+    device: Device, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """The half of it that shows stripes is uncertain, the other half is not; what divides them would be seen."""
-    more, of = [], []
+    chosen: list[tuple[int, int]] = []
+    judge = Noise.uncertain
 
-    def radiance(self: Slope, triangle: NDArray, barycentric: NDArray, direction: NDArray) -> NDArray:
-        stripes = np.where(direction[:, 0] > 0, 1 + np.sin(150 * direction[:, 1]), 1)
-        return np.repeat(stripes, 3).reshape(-1, 3).astype(np.float32)
+    def uncertain(self: Noise, frames: int) -> Any:
+        times, some = judge(self, frames)
+        is_mirror = self._rows.guide.host[self._there, G_TILE] < TILE  # its samples share less than a tile
+        assert (self._rows.surface.host[self._there[is_mirror], MATERIAL] == 1).all()
+        chosen.append((int(is_mirror[some].sum()), int(is_mirror.sum())))
+        return times, some
 
-    def gather_more(self: Gatherer, p: ShadingPoints, *rest: Any) -> tuple[NDArray, NDArray]:
-        more.append(int((p.lobes[:, 2] == 1).sum()))
-        return usual(self, p, *rest)
+    def striped(direction: NDArray) -> NDArray:
+        return np.where(direction[..., 0] > 0, 1 + np.sin(80 * direction[..., 1]), 1)
 
-    def uncertain(self: LightFilter, *rest: Any) -> Any:
-        of.append(int((self._points.lobes[:, 2] == 1).sum()))
-        return judge(self, *rest)
+    metal = Material("", constant(1.0, 1.0, 1.0), metallic=constant(1.0), roughness=constant(0.08))
+    plate = quad((-0.5, 0.01, 0.3), (1, 0, 0), (0, 0, -0.6), material=1)
+    camera = camera_at((0, 1.05, 2.9), (0, 0.0, 0), focal_length=40.0)
+    monkeypatch.setattr(Noise, "uncertain", uncertain)
+    for radiance, half, expects_more in ((striped, 0.5, True), (striped, 40.0, False), (linear, 0.5, False)):
+        mirror = replace(plate, positions=plate.positions * np.float32([2 * half, 1, 2 * half]))
+        scene = make_scene(ground(60.0), mirror, materials=[matte(), metal], lights=[sky(tmp_path, radiance)])
+        chosen.clear()
+        picture(scene, camera, device, size=SIZE)
+        assert len(chosen) == 1 and chosen[0][1] > 500
+        assert chosen[0][0] == (chosen[0][1] if expects_more else 0), (chosen, half)
 
-    usual, judge = Gatherer.gather_more, LightFilter.uncertain_points
-    monkeypatch.setattr(Slope, "radiance_from_hits", radiance)
-    monkeypatch.setattr(Gatherer, "gather_more", gather_more)
-    monkeypatch.setattr(LightFilter, "uncertain_points", uncertain)
-    floor(device, diffuse_color=1.0, metallic=1.0, roughness=0.08)
-    assert of and min(of) > 0  # all of them are points of the mirror
-    assert more == of
 
-
-def test_all_tiles_get_more_samples_where_one_more_set_is_enough() -> None:
-    rows = np.arange(16 * 32)
-    error = np.where(rows % 32 < 24, 0.1, 0.0).astype(np.float32)  # three quarters of them
-    times, chosen = worst_tiles(error, rows, (32, 16), fewest=1)
-    assert times == 1 and (chosen == np.flatnonzero(rows % 32 < 24)).all()
-    times, chosen = worst_tiles(error, rows, (32, 16))
-    assert times == 2 and len(chosen) == len(rows) // 2
+def test_the_worst_units_get_more_samples_as_the_budget_allows() -> None:
+    unit = np.repeat(np.arange(40), 64)  # a hundredth of all would be 25
+    error = np.where(unit < 3, 0.1, 0.0).astype(np.float32)
+    times, chosen = worst_units(error, unit)
+    assert (chosen == np.flatnonzero(unit < 3)).all() and times * len(chosen) <= BUDGET * len(unit) < 8 * len(chosen)
+    whole = np.where(unit < 20, 0, unit)  # a mirror, too large
+    assert (worst_units(error, whole)[1] >= 20 * 64).all()
+    assert not len(worst_units(np.where(whole == 0, error, 0).astype(np.float32), whole, 1)[1])
+    many = np.where(unit < 30, 0.1 + 0.001 * unit, 0.0).astype(np.float32)
+    times, chosen = worst_units(many, unit, 1)
+    assert times == 1 and set(unit[chosen]) == set(range(20, 30))  # the worst

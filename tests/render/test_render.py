@@ -9,42 +9,21 @@ import numpy as np
 import pytest
 from kit.light_field_scenes import material as specular_workflow
 from kit.light_field_scenes import of_elements
+from kit.live_pictures import lit_scene
 from kit.scene_pictures import SIZE, camera_at, ground, looking_down, matte, picture, white_dome
 from kit.scene_records import band, make_scene, quad, sphere
 from numpy.typing import NDArray
-from pxr import Gf
 from reference.reflectance import albedo, integrate_columns
 
 import usdslf.render.picture as render_module
 from usdslf.elements.elements import sample_elements
 from usdslf.errors import InputError
 from usdslf.gpu.device import Device
-from usdslf.lights.sources import LightSet
 from usdslf.rays import RayTracer
-from usdslf.render.guide import LightGuide
-from usdslf.render.lobes import Lobes, shading_points
 from usdslf.render.picture import AOVS, LitScene, PictureOptions, render
-from usdslf.scene.cameras import camera_rays, project_points
 from usdslf.scene.records import Light, Material, Texture, constant
 from usdslf.surfaces.reflectance import directional_albedo, lobe_parameter
 from usdslf.surfaces.surface_points import evaluate_surface
-
-NO_LIGHT = LightSet(make_scene(), [])
-
-
-def unguided(device: Device) -> LightGuide:
-    """Nothing knows where light comes from."""
-    return LightGuide(device, None, None, NO_LIGHT)
-
-
-class EvenRadiance:
-    """A stand-in for a light field: the same radiance from every surface."""
-
-    def __init__(self, radiance: float) -> None:
-        self.radiance, self.model = radiance, "preview_surface"
-
-    def radiance_from_hits(self, triangle: NDArray, barycentric: NDArray, direction: NDArray) -> NDArray:
-        return np.full((len(triangle), 3), self.radiance, np.float32)
 
 
 def albedo_of(material: dict, cosine: NDArray) -> NDArray:
@@ -53,50 +32,6 @@ def albedo_of(material: dict, cosine: NDArray) -> NDArray:
     grid = np.linspace(0.05, 1, 39)
     x, y, a, b = (np.interp(cosine, grid, c)[..., None] for c in albedo("preview_surface", roughness, grid, 96).T)
     return d * ((1 - f0) * x + (1 - f90) * y) + f0 * a + f90 * b
-
-
-# ── rays and samples ─────────────────────────────────────────────────────────────────────────────
-
-
-@pytest.mark.parametrize("count", [4, 16, 64, 256])
-def test_aligned_runs_of_the_sequence_are_stratified_in_every_way(device: Device, count: int) -> None:
-    index = np.arange(3 * count, 4 * count, dtype=np.uint32)
-    p = Lobes(device, unguided(device)).sequence(index, 5)
-    for columns in 2 ** np.arange(int(np.log2(count)) + 1):
-        rows = count // columns
-        cell = (p[:, 0] * columns).astype(int) * rows + (p[:, 1] * rows).astype(int)
-        assert len(np.unique(cell)) == count, (columns, rows)
-
-
-@pytest.mark.parametrize("perspective", [True, False])
-@pytest.mark.parametrize("aspect", [0.6, 2.5])
-def test_rays_pass_through_the_frustum_of_usd(perspective: bool, aspect: float) -> None:
-    """Gf.Camera gives the frustum of the authored aperture; the wider picture shows it in its middle."""
-    camera = camera_at((3, 2, 5), (0.3, 0, 0), horizontal_offset=4.0, vertical_offset=-3.0, perspective=perspective)
-    gf = Gf.Camera()
-    gf.transform = Gf.Matrix4d(camera.world_from_camera.T)
-    gf.projection = Gf.Camera.Perspective if perspective else Gf.Camera.Orthographic
-    gf.horizontalAperture, gf.verticalAperture = 36.0, 24.0
-    gf.horizontalApertureOffset, gf.verticalApertureOffset = 4.0, -3.0
-    gf.focalLength = 55.0
-    frustum = gf.frustum
-    window = frustum.window
-    center, half = window.GetMidpoint(), window.GetSize() / 2
-    if aspect > 36 / 24:
-        half[0] = half[1] * aspect
-    else:
-        half[1] = half[0] / aspect
-    at = np.array([[0.5, 0.5], [0.1, 0.8], [1, 0]])
-    rays = camera_rays(camera, at, aspect)
-    for (x, y), origin, direction in zip(at, rays.origin, rays.direction):
-        frustum.window = Gf.Range2d(center - half, center + half)
-        ray = frustum.ComputePickRay(Gf.Vec2d(2 * x - 1, 1 - 2 * y))
-        expected = np.array(ray.direction) / np.linalg.norm(ray.direction)
-        np.testing.assert_allclose(direction, expected, atol=2e-6)
-        off = np.cross(origin - np.array(ray.startPoint), expected)
-        np.testing.assert_allclose(off, 0, atol=2e-5)
-    back, _ = project_points(camera, rays.origin + 2 * rays.direction, aspect)
-    np.testing.assert_allclose(back, at, atol=1e-5)
 
 
 def test_clipping_planes_cut_what_is_nearer_and_farther(device: Device) -> None:
@@ -109,24 +44,29 @@ def test_clipping_planes_cut_what_is_nearer_and_farther(device: Device) -> None:
 
 @pytest.mark.parametrize("model", ["preview_surface", "phong"])
 @pytest.mark.parametrize("roughness", [0.08, 0.3, 1.0])
-def test_drawn_directions_have_the_density_they_claim(device: Device, roughness: float, model: str) -> None:
-    """The mean of weight / pdf is the integral of the lobes, for every column, by quadrature."""
-    material = Material("", diffuse_color=constant(0.4, 0.4, 0.4), roughness=constant(roughness))
-    scene = make_scene(ground(), materials=[material])
-    n, k, cosine = 64, 64, 0.15  # grazing, where Fresnel's ramp counts
-    surface = evaluate_surface(scene, np.zeros(n, np.int32), np.full((n, 2), 0.3, np.float32))
-    view = np.tile(np.float32([np.sqrt(1 - cosine**2), cosine, 0]), (n, 1))
-    points, lobes = shading_points(surface, view, RayTracer(scene), model=model), Lobes(device, unguided(device), model)
-    direction, pdf, _, weight = lobes.sample(points, np.arange(n, dtype=np.uint32) * k, k, 1)
-    expected = integrate_columns(model, roughness, np.array([np.sqrt(1 - cosine**2), 0, cosine]))
-    if model == "phong":  # X in the place of Y
-        expected = expected[[1, 0, 2, 3]]
-    np.testing.assert_allclose(weight.mean((0, 1))[:4], expected, rtol=0.01, atol=2e-4)
-    # evaluating the drawn directions gives the same density and weights
-    seen = np.flatnonzero(pdf[:, 0] > 0)
-    again, weights = lobes.evaluate(points, seen, direction[seen, 0])
-    np.testing.assert_allclose(again, pdf[seen, 0], rtol=0.02)
-    np.testing.assert_allclose(weights / again[:, None], weight[seen, 0], rtol=0.02, atol=1e-4)
+def test_a_floor_seen_at_a_grazing_angle_shows_the_integrals_of_its_lobes(
+    device: Device, roughness: float, model: str
+) -> None:
+    """In a white dome, where Fresnel's ramp counts: each channel another mixture of the integrals X, Y, A and B."""
+    cosine = 0.15
+    eye = np.array([np.sqrt(1 - cosine**2), cosine, 0])
+    x, y, a, b = integrate_columns(model, roughness, eye[[0, 2, 1]])
+    materials = [specular_workflow((0.5, 0.0, 0.0), (0.0, 0.0, 1.0), roughness)]
+    if model == "preview_surface":  # half a metal: F90 is not 1
+        half = constant(0.5)
+        materials.append(Material("/m", constant(0.8, 0.0, 1.0), metallic=half, roughness=constant(roughness)))
+    for material in materials:
+        scene = make_scene(ground(5.0), materials=[material], lights=[white_dome()])
+        surface = evaluate_surface(scene, [0], [(0.3, 0.3)])
+        d, f0, f90 = (v[0].astype(float) for v in (surface.diffuse, surface.f0, surface.f90))
+        expected = d * ((1 - f0) * x + (1 - f90) * y) + f0 * a + f90 * b
+        if model == "phong":
+            expected = d * x + f0 * a
+        lit = LitScene(scene, RayTracer(scene), None, scene.lights, device)
+        if model == "phong":  # which the light field says
+            lit = lit_scene(scene, device, 20, model)
+        shown = render(lit, camera_at(40 * eye, focal_length=5000.0), (8, 8), options=PictureOptions(samples=64))
+        np.testing.assert_allclose(shown["color"].mean((0, 1)), expected, rtol=0.01, atol=2e-4)
 
 
 # ── furnaces ─────────────────────────────────────────────────────────────────────────────────────
@@ -143,9 +83,8 @@ def test_a_ball_of_phong_shows_k_d_and_k_s_of_no_more_than_arrives(device: Devic
     )  # fmt: skip
     scene = make_scene(sphere(1.0, rows=64), materials=[material], lights=[white_dome()])
     camera = camera_at((0, 1, 5))
-    dark = EvenRadiance(0.0)
-    dark.model = "phong"
-    aovs = picture(scene, camera, device, dark, aovs=("color", "alpha", "position", "normal"), size=(72, 56))
+    lit = lit_scene(scene, device, 20, "phong")
+    aovs = render(lit, camera, (72, 56), ("color", "alpha", "position", "normal"))
     to_eye = camera.world_from_camera[:3, 3] - aovs["position"]
     cosine = (aovs["normal"] * to_eye).sum(-1) / np.linalg.norm(to_eye, axis=-1)
     inside = (aovs["alpha"][..., 0] > 0.999) & (cosine > 0.35)
@@ -178,20 +117,22 @@ def test_a_ball_in_a_white_dome_shows_its_albedo(device: Device, roughness: floa
 
 
 def test_between_even_walls_a_ball_shows_its_albedo(device: Device) -> None:
-    """The same with surfaces around it instead of a dome: gathered indirect light."""
-    material = Material("", diffuse_color=constant(0.5, 0.3, 0.2), roughness=constant(0.6))
+    """The same with surfaces around it instead of a dome: walls that shine .6 and send back .4 of what arrives.
+
+    All radiance is 1 then, .6 of it met as light and the rest gathered from surfaces, after any number of bounces.
+    """
+    ball = specular_workflow((0.5, 0.3, 0.2), 0.1, 0.6)
     walls = sphere(40.0, rows=12, material=1)
-    scene = make_scene(sphere(1.0, rows=64), walls, materials=[material, matte()])
-    camera = camera_at((0, 0, 5))
-    aovs = picture(
-        scene, camera, device, EvenRadiance(1.0), aovs=("color", "indirect", "direct", "mesh"), element_area=1e-9
-    )
-    on_ball = aovs["mesh"][..., 0] == 0
-    center = aovs["color"][12:16, 16:20].mean((0, 1))
-    expected = albedo_of({**DIELECTRIC, "roughness": 0.6}, np.array([1.0]))[0]
-    np.testing.assert_allclose(center, expected, rtol=0.01)
-    np.testing.assert_allclose(aovs["color"], aovs["indirect"], rtol=1e-5)
-    assert aovs["direct"][on_ball].max() == 0
+    scene = make_scene(sphere(1.0, rows=64), walls, materials=[ball, specular_workflow(0.4, emission=0.6)])
+    lit = lit_scene(scene, device, 200, "phong", 12)
+    aovs = render(lit, camera_at((0, 0, 5)), SIZE, ("indirect", "direct", "mesh"), PictureOptions(samples=64))
+    lobe = directional_albedo("phong", float(lobe_parameter("phong", 0.6)), np.ones(1))[0, 2]
+    expected = np.array([0.5, 0.3, 0.2]) + 0.1 * lobe
+    center = slice(12, 16), slice(16, 20)
+    assert (aovs["mesh"][center] == 0).all()
+    np.testing.assert_allclose(aovs["color"][center].mean((0, 1)), expected, rtol=0.01)
+    np.testing.assert_allclose(aovs["indirect"][center].mean((0, 1)), 0.4 * expected, rtol=0.01)
+    np.testing.assert_allclose(aovs["direct"][center].mean((0, 1)), 0.6 * expected, rtol=0.01)
 
 
 @pytest.mark.parametrize("has_moved", [False, True])
@@ -280,7 +221,7 @@ def test_flat_surfaces_come_out_free_of_noise_and_edges_sharp(device: Device) ->
 
 
 def test_bands_do_not_show(device: Device, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("usdslf.render.filter.NOISE", 1e9)  # what gets more samples may depend on the band
+    monkeypatch.setattr("usdslf.render.live.noise.NOISE", 1e9)  # what gets more samples may depend on the band
     light = Light("/l", "disk", (1.0,) * 3, looking_down((0, 3, 0)), radius=0.5)
     scene = make_scene(ground(3.0), sphere(0.5, (0, 0.5, 0)), materials=[matte()], lights=[light])
     camera = camera_at((0, 2, 4))
@@ -329,7 +270,8 @@ def test_a_small_light_just_over_the_horizon_leaves_no_specks(device: Device) ->
 
 def test_the_same_call_gives_the_same_picture(device: Device) -> None:
     scene = make_scene(ground(), sphere(0.4, (0, 0.4, 0)), materials=[matte()], lights=[white_dome()])
-    a, b = (picture(scene, camera_at((0, 2, 3)), device, EvenRadiance(0.2))["color"] for _ in range(2))
+    lit = lit_scene(scene, device, 60)
+    a, b = (render(lit, camera_at((0, 2, 3)), SIZE)["color"] for _ in range(2))
     np.testing.assert_array_equal(a, b)
 
 
@@ -348,3 +290,12 @@ def test_nothing_in_view_is_the_background(device: Device) -> None:
     away = camera_at((0, 2, 3), (0, 9, 9))
     np.testing.assert_allclose(picture(scene, away, device, size=(5, 3))["color"], 0.5, rtol=1e-6)
     assert picture(scene, away, device, size=(1, 1))["color"].shape == (1, 1, 3)
+
+
+def test_without_surfaces_there_are_lights_and_the_background(device: Device) -> None:
+    lamp = Light("/l", "disk", (7.0, 5.0, 3.0), looking_down((0, 2, 0)), radius=0.5)
+    aovs = picture(make_scene(lights=[lamp, white_dome(0.5)]), camera_at((0, 0, 0), (0, 2, 0)), device,
+                   aovs=("color", "mesh", "depth"))  # fmt: skip
+    np.testing.assert_allclose(aovs["color"][SIZE[1] // 2, SIZE[0] // 2], [7, 5, 3], rtol=1e-5)
+    np.testing.assert_allclose(aovs["color"][0, 0], 0.5, rtol=1e-5)
+    assert aovs["mesh"].max() == -1 and np.isinf(aovs["depth"]).all()

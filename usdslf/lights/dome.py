@@ -185,17 +185,12 @@ class Dome:
         world = (local @ self.world_from_light.T).astype(np.float32)
         return world, self.radiance(world), self._density[row, column].astype(np.float32)
 
-    def pdf(self, directions: NDArray) -> F32:
-        """Returns the density (n,) [1/sr] with which `sample` draws unit directions (n, 3)."""
-        local = np.asarray(directions, np.float64) @ self.world_from_light
-        h, w = self._density.shape
-        row = np.searchsorted(-self._sine_edges, -local[:, 1], "right") - 1
-        share = 0.5 - np.arctan2(local[:, 0], local[:, 2]) / (2 * np.pi)
-        column = np.searchsorted(self._column_edges, share, "right") - 1
-        return self._density[np.clip(row, 0, h - 1), np.clip(column, 0, w - 1)].astype(np.float32)
-
     def density_table(self) -> tuple[NDArray[np.intp], NDArray[np.intp], F64]:
-        """Returns what `pdf` reads: the row (H,) of each row of pixels, the column (W,) of each column, densities."""
+        """Returns how densely `sample` draws.
+
+        Returns: the table's row (H,) of each row of pixels, its column (W,) of each column of pixels, and the table,
+        densities [1/sr].
+        """
         height, width = self.pixels.shape[:2]
         h, w = self._density.shape
         row_edges, column_edges = np.arange(h + 1) * height // h, np.arange(w + 1) * width // w

@@ -1,15 +1,13 @@
-"""All that shines in a scene, behind one interface for rays: lights, domes, emissive surfaces.
+"""All that shines in a scene: lights, domes, emissive surfaces, and what pictures draw and weigh them by.
 
-Every source can be sampled (a direction towards it, with its density) and met by a ray (its radiance and the
-density with which sampling would have chosen that ray), which is what multiple importance sampling needs.
-Lights do not hide what is behind them, except from the camera.
+kernels/live_sources.cl samples them and meets them with rays.  Lights do not hide what is behind them, except from the
+camera.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from copy import copy
-from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
@@ -17,23 +15,12 @@ from numpy.typing import NDArray
 
 from usdslf.color import luminance
 from usdslf.lights.dome import Dome
-from usdslf.lights.sampling import intersect_light, is_delta, sample_light
+from usdslf.lights.sampling import intersect_light, is_delta
 from usdslf.scene.records import F32, I32, Light, Scene
 from usdslf.surfaces.surface_points import evaluate_surface
 
 Emission = Callable[[I32, F32], F32]
 """triangle (n,), barycentric (n, 2) -> emitted radiance (n, 3)."""
-
-
-@dataclass(frozen=True)
-class Arrival:
-    """Light that would arrive at n points if nothing were in the way."""
-
-    direction: F32  # (n, 3) towards the light
-    distance: F32  # (n,) inf for what is infinitely far
-    radiance: F32  # (n, 3); delta: irradiance at normal incidence
-    pdf: F32  # (n,) [1/sr]; 0 where nothing arrives; delta: 1
-    is_delta: bool
 
 
 class Source(Protocol):
@@ -44,12 +31,6 @@ class Source(Protocol):
     is_delta: bool
     is_met_only: bool  # rays of the lobes find it as well as can be: an even dome is not sampled
     is_split: bool  # diffuse and specular receive different shares: rays of the lobes cannot tell, so only sampled
-
-    def sample(self, points: F32, u: F32) -> Arrival: ...
-
-    def importance(self, points: F32) -> NDArray[np.float32]:
-        """A rough guess (n,) of the irradiance it brings, nothing in the way."""
-        ...
 
 
 def brightest(color: NDArray) -> NDArray:
@@ -87,15 +68,10 @@ class LightSource:
         }.get(light.kind, light.radius)
         self.reach = np.float32(1.001 * extent * np.linalg.norm(m[:3, :3], 2) + 1e-20)
 
-    def sample(self, points: F32, u: F32) -> Arrival:
-        s = sample_light(self.light, points, u)
-        return Arrival(s.direction, s.distance, s.radiance, s.pdf, self.is_delta)
-
-    def intersect(self, origins: F32, directions: F32) -> tuple[F32, F32, F32]:
-        """Returns distance (n,), radiance (n, 3) and pdf (n,) of the light along rays: inf, 0 and 0 where missed."""
+    def intersect(self, origins: F32, directions: F32) -> tuple[F32, F32]:
+        """Returns distance (n,) and radiance (n, 3) of the light along rays: inf and 0 where missed."""
         n = len(origins)
         distance, radiance = np.full(n, np.inf, np.float32), np.zeros((n, 3), np.float32)
-        pdf = np.zeros(n, np.float32)
         if self.light.kind == "distant":
             near = np.flatnonzero(directions @ self._towards >= self._cosine)
         else:  # most rays pass the bounding sphere
@@ -104,16 +80,8 @@ class LightSource:
             off = dot(to, to) - along * along
             near = np.flatnonzero((along > -self.reach) & (off <= self.reach**2))
         if len(near):
-            distance[near], radiance[near], pdf[near] = intersect_light(self.light, origins[near], directions[near])
-        return distance, radiance, pdf
-
-    def importance(self, points: F32) -> NDArray[np.float32]:
-        power, spread = self.guess
-        if spread < 0:
-            return np.full(len(points), power, np.float32)
-        to = points - self._center
-        d2 = dot(to, to)
-        return (power / (d2 + spread)).astype(np.float32)
+            distance[near], radiance[near], _ = intersect_light(self.light, origins[near], directions[near])
+        return distance, radiance
 
 
 class DomeSource:
@@ -132,13 +100,6 @@ class DomeSource:
         all_around = np.stack([s * np.cos(phi), s * np.sin(phi), z], -1).astype(np.float32)
         self.irradiance = float(luminance(self.dome.radiance(all_around, None)).mean() * np.pi)
 
-    def sample(self, points: F32, u: F32) -> Arrival:
-        direction, radiance, pdf = self.dome.sample(u)
-        return Arrival(direction, np.full(len(points), np.inf, np.float32), radiance, pdf, False)
-
-    def importance(self, points: F32) -> NDArray[np.float32]:
-        return np.full(len(points), self.irradiance, np.float32)
-
 
 class EmissiveSurfaces:
     """All triangles whose material emits; they shine to both sides."""
@@ -148,7 +109,6 @@ class EmissiveSurfaces:
 
     def __init__(self, scene: Scene, emission: Emission) -> None:
         t = scene.triangles
-        self._triangles, self.emission = t, emission
         may_emit = np.array(
             [not isinstance(m.emissive_color, np.ndarray) or bool(m.emissive_color.max() > 0) for m in scene.materials],
             bool,
@@ -173,40 +133,6 @@ class EmissiveSurfaces:
             corners = t.positions[self.triangle].reshape(-1, 3)
             self.center = ((corners.min(0) + corners.max(0)) / 2).astype(np.float32)
             self.size2 = float(t.areas[self.triangle].sum())
-
-    def sample(self, points: F32, u: F32) -> Arrival:
-        n = len(points)
-        pick = np.minimum(np.searchsorted(self.cumulative, u[:, 0], side="right"), len(self.triangle) - 1)
-        low = np.where(pick > 0, self.cumulative[pick - 1], 0)
-        first = np.clip((u[:, 0] - low) / (self.cumulative[pick] - low), 0, 1)
-        root = np.sqrt(first)
-        barycentric = np.stack([root * (1 - u[:, 1]), root * u[:, 1]], -1).astype(np.float32)
-        triangle = self.triangle[pick]
-        c = self._triangles.positions[triangle]
-        at = c[:, 0] + barycentric[:, :1] * (c[:, 1] - c[:, 0]) + barycentric[:, 1:] * (c[:, 2] - c[:, 0])
-        to = at - points
-        distance = np.sqrt(dot(to, to))
-        direction = to / np.maximum(distance, 1e-20)[:, None]
-        radiance = self.emission(triangle, barycentric)
-        pdf = self.pdf(triangle, direction, distance)
-        usable = (pdf > 0) & np.isfinite(pdf)
-        return Arrival(
-            direction.astype(np.float32),
-            distance.astype(np.float32),
-            np.where(usable[:, None], radiance, 0).astype(np.float32),
-            np.where(usable, pdf, 0).astype(np.float32).reshape(n),
-            False,
-        )
-
-    def pdf(self, triangle: I32, direction: F32, distance: F32) -> NDArray[np.float32]:
-        """Returns with which density (n,) [1/sr] sampling chooses points that rays hit."""
-        cosine = np.abs(dot(self._triangles.face_normals[triangle], direction))
-        return self.pdf_area[triangle] * distance**2 / np.maximum(cosine, 1e-6)
-
-    def importance(self, points: F32) -> NDArray[np.float32]:
-        to = points - self.center
-        d2 = dot(to, to)
-        return (self.flux / (d2 + self.size2)).astype(np.float32)
 
 
 class SurfaceEmission:
@@ -243,7 +169,6 @@ class LightSet:
         lit = [light for light in lights if max(light.radiance) > 0]
         self.placed = [LightSource(light) for light in lit if light.kind != "dome"]
         self.domes = [DomeSource(light) for light in lit if light.kind == "dome"]
-        self.dome_range = range(len(self.placed), len(self.placed) + len(self.domes))  # of `sources`
         self._set_emissive(scene)
 
     def _set_emissive(self, scene: Scene) -> None:
@@ -272,28 +197,13 @@ class LightSet:
         for source in self.placed:
             if source.is_delta:
                 continue
-            distance, shone, _ = source.intersect(origins, directions)
+            distance, shone = source.intersect(origins, directions)
             wins = (distance < limit) & (distance < nearest)
             if source.light.kind == "distant":  # infinitely far: where nothing else is met
                 wins = (brightest(shone) > 0) & ~np.isfinite(limit) & ~np.isfinite(nearest)
             nearest = np.where(wins, distance, nearest)
             radiance = np.where(wins[:, None], shone, radiance)
         return nearest, radiance
-
-    def chances(self, points: F32) -> NDArray[np.float32]:
-        """Returns with which probability (n, sources) each source is worth a look from each point.
-
-        In proportion to a guess of its unshadowed irradiance, a fifth spread evenly; 0 for what is not sampled.
-        """
-        worth = np.array([not s.is_met_only for s in self.sources], bool)
-        guess = np.zeros((len(points), len(self.sources)), np.float32)
-        for i in np.flatnonzero(worth):
-            guess[:, i] = self.sources[i].importance(points)
-        total = guess.sum(1, keepdims=True)
-        even = worth / np.float32(max(worth.sum(), 1))
-        share = np.where(total > 0, guess / np.where(total > 0, total, 1), even)
-        return (0.8 * share + 0.2 * even).astype(np.float32)
-
 
 def distant_angle(light: Light) -> float:
     """Returns the solid angle of a distant light [sr]; 1 for parallel rays, whose radiance is their irradiance."""

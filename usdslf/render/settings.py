@@ -7,11 +7,13 @@ from dataclasses import dataclass
 
 from usdslf.errors import InputError
 from usdslf.gpu.device import Device
+from usdslf.light_field.light_field import LightField
 from usdslf.rays import RayTracer
-from usdslf.render.gather import FOOTPRINT, MAX_DEPTH, RadianceOfHits
 from usdslf.scene.records import Light, Scene
 
 BAND = 300_000  # samples in a band
+FOOTPRINT = 12.0  # element areas that a ray's footprint must cover for the light field to be good enough
+MAX_DEPTH = 6  # surfaces followed after the first
 LAYERS = 8  # see-through surfaces that a camera ray shows
 AOVS = {
     "color": 3, "direct": 3, "indirect": 3, "albedo": 3, "specular": 3, "roughness": 1, "emission": 3,
@@ -45,7 +47,7 @@ class LitScene:
 
     scene: Scene
     tracer: RayTracer
-    light_field: RadianceOfHits | None  # radiance of surfaces met by gathered rays; None: black
+    light_field: LightField | None  # radiance of surfaces met by gathered rays; None: black unless they are followed
     lights: Sequence[Light]  # the scene's, or the default ones
     device: Device
 
@@ -58,6 +60,6 @@ class PictureOptions:
     elements: int = 10000  # of the light field
     element_area: float | None = None  # mean, of these [stage units squared]; None: the scene's area over `elements`
     hide_lights: bool = False  # lights are not seen by the camera (nor is the dome)
-    depth: int = MAX_DEPTH  # see `Gatherer`
-    footprint: float = FOOTPRINT  # see `Gatherer`
+    depth: int = MAX_DEPTH  # surfaces that a ray may be followed to before the light field is asked in any case
+    footprint: float = FOOTPRINT  # element areas that a ray's must cover to be answered by the light field
     seed: int = 0

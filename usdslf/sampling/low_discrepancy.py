@@ -44,7 +44,7 @@ def scrambled_points(count: int, seeds: NDArray[np.uint32]) -> NDArray[np.float3
     """Returns `count` points (sets, count, 2) in [0, 1) of the sequence for every seed, scrambled by hashing (Owen).
 
     Every aligned run of 2^m points is stratified, as of `sobol_points`; beyond that they are as random as can be, and
-    means of smooth functions err less.  Device twin: kernels/low_discrepancy.cl.  Source: Burley 2020.
+    means of smooth functions err less.  Source: Burley 2020.
     """
     s = _hash(np.asarray(seeds, np.uint32)[:, None] + np.uint32(1))
     index = _scramble(np.arange(count, dtype=np.uint32)[None], s)

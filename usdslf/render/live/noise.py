@@ -11,12 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdslf.gpu.shared import Shared
-from usdslf.render.filter import NOISE, TILE, worst_tiles
 from usdslf.render.live import records as r
 from usdslf.render.live.view import Rows, Window
-from usdslf.render.lobes import QUARTERED_ALPHA
 from usdslf.scene.records import F32
 
+NOISE = 0.03  # relative uncertainty of filtered light above which more samples are spent
+REFINE_MOST = 8  # how many times as many
+QUARTERED_ALPHA = 0.1  # sharper lobes may be seen by a part of a tile's samples
 SHARP_TILE = 2  # samples on a side that judge sharp reflections
 COMPLETED = 0.75  # frames complete each other's numbers: errors of n, at edges of shadows too, fall as n to this power
 BUDGET = 0.25  # of the rays of all, that uncertain samples get more
@@ -29,7 +30,7 @@ class Noise:
     def __init__(self, window: Window, rows: Rows, there: NDArray[np.uint32]) -> None:
         """Judges some rows of a window's grid."""
         self._window, self._there, self._rows = window, there, rows
-        self._sums: dict[int, list[F32]] = {TILE: [], SHARP_TILE: []}
+        self._sums: dict[int, list[F32]] = {r.TILE: [], SHARP_TILE: []}
         self._filled = {side: self._blocks(self._there_map(), side) for side in self._sums}
 
     def _there_map(self) -> F32:
@@ -56,14 +57,14 @@ class Noise:
             return nothing
         errors = {side: self._error(side) for side in self._sums}
         self._rows.guide.pull()
-        guide, size = self._rows.guide.host[self._there], (self._window.width, self._window.height)
-        is_mirror = guide[:, r.G_TILE] < TILE
-        error = np.where(is_mirror | (guide[:, r.G_ALPHA] < QUARTERED_ALPHA), errors[SHARP_TILE], errors[TILE])
+        guide = self._rows.guide.host[self._there]
+        is_mirror = guide[:, r.G_TILE] < r.TILE
+        error = np.where(is_mirror | (guide[:, r.G_ALPHA] < QUARTERED_ALPHA), errors[SHARP_TILE], errors[r.TILE])
         # What few samples are wrong by is alike in the whole of a flat mirror: a part with more of them would show.
-        at = np.flatnonzero(is_mirror)
-        kind = guide[at, r.G_CLASS].astype(np.intp)
-        error[at] = np.sqrt(np.bincount(kind, error[at] ** 2) / np.maximum(np.bincount(kind), 1))[kind]
-        return worst_tiles(error, self._there, size, 1 if (error[at] > NOISE).any() else 2, BUDGET)
+        y, x = np.divmod(self._there.astype(np.intp), self._window.width)
+        tile = (y // r.TILE) * -(-self._window.width // r.TILE) + x // r.TILE
+        unit = np.where(is_mirror, tile.max() + 1 + guide[:, r.G_CLASS].astype(np.intp), tile)
+        return worst_units(error, unit, 1 if (error[is_mirror] > NOISE).any() else 2)
 
     def _error(self, side: int) -> F32:
         """Relative error of each row by the blocks of a side."""
@@ -75,3 +76,26 @@ class Noise:
         y, x = np.divmod(self._there.astype(np.intp), self._window.width)
         out: F32 = relative[y // side, x // side].astype(np.float32)
         return out
+
+
+def worst_units(error: F32, unit: NDArray[np.intp], fewest: int = 2) -> tuple[int, NDArray[np.intp]]:
+    """Chooses the points (of error (n,)) that get more samples, as BUDGET allows, by whole units: tiles, and mirrors.
+
+    Args:
+        error: (n,) relative, of each point.
+        unit: (n,) that each point belongs to; one that alone is too much for the budget gets nothing.
+        fewest: times as many samples that each one gets at least that gets more.
+
+    Returns: how many times as many samples, and which points: the worst units.
+    """
+    count = np.maximum(np.bincount(unit), 1)
+    badness = np.sqrt(np.bincount(unit, error**2) / count)
+    bad, budget, times = np.flatnonzero(badness > NOISE), BUDGET * len(unit), REFINE_MOST
+    while times > fewest and times * count[bad].sum() > budget:
+        times //= 2
+    bad = bad[np.argsort(-badness[bad], kind="stable")]
+    bad = bad[times * count[bad] <= budget]
+    bad = bad[np.cumsum(count[bad]) * times <= budget]
+    chosen = np.zeros(len(count), bool)
+    chosen[bad] = True
+    return times, np.flatnonzero(chosen[unit])

@@ -120,7 +120,7 @@ class LivePicture:
 
         Raises: InputError for a size or a region that cannot be.
         """
-        assert isinstance(lit.light_field, LightField)
+        assert lit.light_field is not None
         geometry = Geometry.of(lit.device, lit.scene, lit.tracer, lights, lit.light_field)
         materials = MaterialTable.of(geometry.pool, lit.scene.materials)
         scene = LiveScene(geometry, materials, SentLight.of(geometry, lit.light_field))

@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 from usdslf.rays import ULPS
-from usdslf.render.filter import FLAT, FLAT_SHARE, LOBE_SHARE, NORMAL_COSINE, WIDEST
-from usdslf.render.gather import BRIGHT, CAUSTIC_ROUGHNESS, RAY_MOST, SHARP_PDF, UNEVEN, WIDE_PDF
-from usdslf.render.lobes import MIN_ALPHA
 from usdslf.render.wide_field import BLOCK
 
 SURFACE = 32  # floats of a surface: two cache lines
@@ -53,12 +50,30 @@ WEAK_ALPHA, WEAK_COSINE, WEAK_F_ZERO = 0.15, 0.3, 0.06  # at a grazing angle, th
 LITTLE = 0.05  # throughput of paths below which they end by chance
 WIDE_SIDE = 64  # of the octahedral table of a dome's wide radiance
 
+MIN_ALPHA = 4e-4  # sharper lobes drown in the rounding of half vectors
+NORMAL_COSINE = 0.985  # normals of neighbours that share light may differ by 10 degrees
+LOBE_SHARE = 1.0  # mirror directions of neighbours may differ by this many alphas, but no more than WIDEST
+FLAT_SHARE = 3.0  # the same for flat surfaces, whose tiles are whole: few rays would be wrong alike in all pixels
+WIDEST = 0.15
+FLAT = 0.25  # change of the normal, of that of the mirror direction, below which a surface is flat
+
+WIDE_PDF = 2.0  # [1/sr] density up to which a ray reads the light field averaged over directions
+UNEVEN = 1.8  # times its mean that the brightest of a hit's near elements may be
+BRIGHT = 4.0  # times the mean of all that rays meet, above which the light field is not trusted either
+SHARP_PDF = 8.0  # [1/sr] density from which on a ray counts as a reflection
+# Smoother surfaces count as this rough for rays of wide lobes that follow them: found by chance, their highlights
+# would be fireflies.  Source: Kaplanyan and Dachsbacher 2013, path space regularization.
+CAUSTIC_ROUGHNESS = 0.35
+# What surfaces send along one ray of a wide lobe may bring this many times the mean of all light that arrives at
+# the nearest element, or about it; more is cut off.  It is the one place where light is clamped.
+RAY_MOST = 8.0
+
 _FLOATS = {
     "MIN_ALPHA": MIN_ALPHA, "OFFSET": ULPS * 2**-23, "WIDE_PDF": WIDE_PDF, "SHARP_PDF": SHARP_PDF,
     "CAUSTIC_ROUGHNESS": CAUSTIC_ROUGHNESS, "RAY_MOST": RAY_MOST, "UNEVEN": UNEVEN, "BRIGHT": BRIGHT, "LITTLE": LITTLE,
     "KNOWN_FRAMES": KNOWN_FRAMES, "EDGE_COSINE": EDGE_COSINE, "NORMAL_COSINE": NORMAL_COSINE,
     "LOBE_WIDTH": FLAT_SHARE, "CURVED_WIDTH": LOBE_SHARE,
-    "FLAT": FLAT,     "WIDEST": WIDEST, "WEAK_SHARE": WEAK_SHARE, "WEAK_ALPHA": WEAK_ALPHA, "WEAK_COSINE": WEAK_COSINE,
+    "FLAT": FLAT, "WIDEST": WIDEST, "WEAK_SHARE": WEAK_SHARE, "WEAK_ALPHA": WEAK_ALPHA, "WEAK_COSINE": WEAK_COSINE,
     "WEAK_F_ZERO": WEAK_F_ZERO,
 }  # fmt: skip
 CONSTANTS: dict[str, object] = {

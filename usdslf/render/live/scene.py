@@ -8,7 +8,6 @@ from functools import lru_cache
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from usdslf.color import luminance
 from usdslf.elements.lookup import DeviceLookup
@@ -18,16 +17,15 @@ from usdslf.light_field.light_field import LightField
 from usdslf.light_field.storage import constants_of
 from usdslf.lights.sources import LightSet
 from usdslf.rays import RayTracer
-from usdslf.render.gather import FOOTPRINT
 from usdslf.render.guide import LightGuide
 from usdslf.render.live import records as r
+from usdslf.render.live.host_surfaces import rows_by_host
 from usdslf.render.live.materials import MaterialTable, TexturePool
 from usdslf.render.live.sources import EACH, SourceTable
-from usdslf.render.lobes import ShadingPoints, shading_points
-from usdslf.render.wide_field import WideField
+from usdslf.render.settings import FOOTPRINT
+from usdslf.render.wide_field import mean_of_blocks
 from usdslf.scene.records import F32, Material, Scene
 from usdslf.surfaces.reflectance import directional_albedo, lobe_parameter, model_of
-from usdslf.surfaces.surface_points import evaluate_surface
 
 GROUP = 64
 
@@ -118,8 +116,8 @@ class SentLight:
             dark = geometry.device.zeros((1, 3), np.float32)
             return SentLight(None, dark, dark, dark, dark, dark, 0.0, footprint or 0.0)
         device, n = geometry.device, len(field.elements)
-        wide = WideField(device, field)
-        guide = LightGuide(device, field, wide.mean_d, geometry.lights)
+        mean_d = mean_of_blocks(field)
+        guide = LightGuide.of(field, mean_d, geometry.lights)
         soft_d = device.empty((n, 3), np.float32)
         device.kernel("live_field", "soft_irradiance", **constants_of(field.outgoing_d))(
             groups(n), (GROUP,), np.uint32(n), field.hit_d, field.outgoing_d, field.emission_d, field.cosine_d, soft_d
@@ -129,14 +127,14 @@ class SentLight:
         if constants_of(outgoing_d) != geometry.stored:  # a light field of an edit that is stored in another way
             outgoing_d = device.upload(field.radiance().astype(np.float16 if geometry.stored else np.float32))
         return SentLight(
-            field, outgoing_d, wide.mean_d, device.upload(guide.arriving), guide.cumulative_d, soft_d,
-            _luminance_of(geometry, wide.mean_d), FOOTPRINT * area if footprint is None else footprint,
+            field, outgoing_d, mean_d, device.upload(guide.arriving), guide.cumulative_d, soft_d,
+            _luminance_of(geometry, mean_d), FOOTPRINT * area if footprint is None else footprint,
         )  # fmt: skip
 
     @staticmethod
     def unguided(geometry: Geometry, field: LightField, footprint: float) -> SentLight:
         """Sums a light field up for rays that others draw."""
-        mean_d, none = WideField(geometry.device, field).mean_d, geometry.device.zeros((1, 3), np.float32)
+        mean_d, none = mean_of_blocks(field), geometry.device.zeros((1, 3), np.float32)
         return SentLight(field, field.outgoing_d, mean_d, none, none, none, _luminance_of(geometry, mean_d), footprint)
 
 
@@ -189,10 +187,8 @@ class LiveScene:
             material = surface.host[some, r.MATERIAL].astype(np.intp)
             some = some[(material >= 0) & m.on_host[material]]
             if len(some):
-                barycentric = np.stack([hits.u.host[some], hits.v.host[some]], 1)
-                least = hits.least_roughness.host[some]
-                surface.host[some] = self._on_host(
-                    hits.triangle.host[some], barycentric, hits.direction.host[some], least, surface.host[some]
+                surface.host[some] = rows_by_host(
+                    replace(g.scene, materials=m.materials), g.model, hits, some, surface.host[some]
                 )
                 surface.push()
 
@@ -203,29 +199,6 @@ class LiveScene:
             groups(count), (GROUP,), np.uint32(count), rows, hits.triangle, hits.u, hits.v,
             np.uint32(len(g.scene.triangles.mesh)), g.material_d, m.rows_d, m.refs_d, *m.pool, surface,
         )  # fmt: skip
-
-    def _on_host(self, triangle: NDArray, barycentric: NDArray, direction: F32, least: F32, rows: F32) -> F32:
-        """Surface rows (n, SURFACE) by the host's own rules, over rows of the kernel's."""
-        g = self.geometry
-        scene = replace(g.scene, materials=self.materials.materials)
-        points = evaluate_surface(scene, triangle, barycentric)
-        points = replace(points, roughness=np.maximum(points.roughness, least))
-        shaded = shading_points(points, -direction, g.tracer, model=g.model)
-        out = rows.copy()
-        _put(out, shaded)
-        out[:, r.EMISSION : r.EMISSION + 3] = points.emission
-        scales = (points.presence < 1) | (points.presence == points.opacity)
-        out[:, r.COVER] = np.where(scales & (points.opacity < 1), -points.opacity, points.opacity)
-        return out
-
-
-def _put(out: F32, p: ShadingPoints) -> None:
-    out[:, r.POSITION : r.POSITION + 3] = p.position
-    out[:, r.NORMAL : r.NORMAL + 3], out[:, r.GEOMETRIC : r.GEOMETRIC + 3] = p.normal, p.geometric_normal
-    out[:, r.ALPHA], out[:, r.COAT_ALPHA] = p.lobes[:, 0], p.lobes[:, 1]
-    out[:, r.COAT], out[:, r.COAT_F_ZERO] = p.coat.T
-    out[:, r.DIFFUSE : r.DIFFUSE + 3] = p.colors[:, :3]
-    out[:, r.F_ZERO : r.F_ZERO + 3], out[:, r.F_NINETY : r.F_NINETY + 3] = p.colors[:, 3:6], p.colors[:, 6:]
 
 
 @lru_cache(maxsize=4)

@@ -12,7 +12,6 @@ from usdslf.gpu.device import Device
 from usdslf.lights.sampling import is_delta, light_frame, light_picture, shaping_of
 from usdslf.lights.sources import DomeSource, LightSet, LightSource
 from usdslf.progress import in_blocks
-from usdslf.render.gather import MIRRORED_ANGLE
 from usdslf.render.live import records as r
 from usdslf.sampling.low_discrepancy import scrambled_points
 from usdslf.scene.records import F32
@@ -20,6 +19,7 @@ from usdslf.scene.records import F32
 KINDS = {"rect": 0, "disk": 1, "sphere": 2, "cylinder": 3, "distant": 4, "point": 5, "dome": 6, "glowing": 7}
 EACH = 4  # sources up to this number get a ray each; of more, STREAMS are chosen by what they bring
 STREAMS = 2
+MIRRORED_ANGLE = 0.2  # [sr] of a dome that a ray sees which only the shading normal sent out
 PIXELS_AT_ONCE = 1 << 20  # of a picture that are copied to the device
 
 

@@ -20,11 +20,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdslf.gpu.shared import Shared
-from usdslf.light_field.light_field import LightField
 from usdslf.lights.sources import LightSet
 from usdslf.progress import tell
 from usdslf.rays import points_at
-from usdslf.render.filter import NEAR_TILE, SMALLEST_SET, TILE
 from usdslf.render.live import records as r
 from usdslf.render.live.gather import BATCH, Draw, GatherRoom, gather_batch
 from usdslf.render.live.materials import MaterialTable
@@ -36,6 +34,8 @@ from usdslf.scene.cameras import pixel_size
 from usdslf.scene.records import F32, Camera
 from usdslf.surfaces.surface_points import evaluate_surface
 
+NEAR_TILE = 4  # samples on a side that share numbers of lights that have a place: shadows are blurred by no more
+SMALLEST_SET = 16  # points of a sequence: fewer do not hold every lobe as often as its chance says
 EACH = 16  # sources up to this number get a ray each
 MOST_FRAMES = 64  # of one set of numbers
 RAYS = 2  # of each lobe, and towards each source, for one that is asked for: few of them would be wrong alike in large
@@ -87,11 +87,10 @@ class StillPicture:
         """Uploads what all bands need.
 
         Args:
-            lit: whose light field is one, or None.
+            lit: with a light field, or without.
             size: width and height [pixels].
         """
-        field = lit.light_field if isinstance(lit.light_field, LightField) else None
-        area = options.element_area
+        field, area = lit.light_field, options.element_area
         if area is None:
             area = float(lit.scene.triangles.areas.sum()) / max(options.elements, 1)
         geometry = Geometry.of(lit.device, lit.scene, lit.tracer, LightSet(lit.scene, lit.lights), field, EACH)
@@ -109,7 +108,7 @@ class StillPicture:
         """Renders layers `names` of rows of pixels first..last-1: name -> (rows, width, channels)."""
         a = self.quality.antialias
         whole = Window(0, first * a, self.samples[0], (last - first) * a)
-        window = whole.with_border(-(-(TILE // 2 + 1) // a) * a, self.samples)
+        window = whole.with_border(-(-(r.TILE // 2 + 1) // a) * a, self.samples)
         sums = {k: np.zeros((window.count, AOVS[k]), np.float32) for k in names}
         for k in ("depth", "material", "mesh"):
             if k in sums:
@@ -156,7 +155,7 @@ class StillPicture:
         rows.sharp_place = Shared(g.device, (n,), np.uint8, is_clean=False)
         g.kernel("live_still", "tile_rows")(
             groups(n), (GROUP,), np.uint32(n), np.int32(window.width), np.int32(window.height),
-            np.int32(min(least, TILE)), rows.guide, rows.place, rows.sharp_place,
+            np.int32(min(least, r.TILE)), rows.guide, rows.place, rows.sharp_place,
         )  # fmt: skip
         tell()
         return _Layer(rows, through, limit)
@@ -252,11 +251,11 @@ class StillPicture:
             )
         listed = rows.listed(there)
         of_direct = [] if sums.near is sums.far else [self._filtered(sums.near, NEAR_TILE, rows, listed, window)]
-        of_direct.append(self._filtered(sums.far, TILE, rows, listed, window))
+        of_direct.append(self._filtered(sums.far, r.TILE, rows, listed, window))
         direct = self._radiance(of_direct, rows, listed)
         sums.exact.pull()
         direct += sums.exact.host[there] / np.float32(count)
-        apart = [self._filtered(sums.bounced, TILE, rows, listed, window)] if is_apart else []
+        apart = [self._filtered(sums.bounced, r.TILE, rows, listed, window)] if is_apart else []
         return direct, self._radiance(apart, rows, listed)
 
     def _gather(
