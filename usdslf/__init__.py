@@ -65,10 +65,10 @@ have public names of their own.
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from usdslf.errors import UsdslfError
+from usdslf.first_use import loaded_at_first_use
 from usdslf.usd.schema import announce_schema
 
 if TYPE_CHECKING:
@@ -169,52 +169,29 @@ __all__ = [
 ]
 
 # Loaded at first use, so that `usdslf --help` and `usdslf doctor` neither wait for USD nor need OpenCL.
-_HOME = {
-    **dict.fromkeys(("Camera", "Scene"), "usdslf.scene.records"),
-    **dict.fromkeys(
-        ("camera_rays", "film_aspect", "project_points", "view_and_projection"), "usdslf.scene.cameras"
-    ),
-    **dict.fromkeys(("Color", "color_of"), "usdslf.color"),
-    **dict.fromkeys(
-        ("CHANNELS", "FALSE_COLORS", "DisplayPass", "DisplaySettings", "DisplayShader"), "usdslf.display"
-    ),
-    **dict.fromkeys(("PxrChoice", "choose_pxr"), "usdslf.usd.which_pxr"),
-    "require_viewer": "usdslf.viewing",
-    "LiveStage": "usdslf.usd.live_stage",
-    **dict.fromkeys(("Pick", "Seen", "are_seen", "pick", "seen_prims"), "usdslf.picking"),
-    **dict.fromkeys(
-        ("FrameRange", "PrimRow", "frame_range", "reload_stage", "stage_files", "stage_prims"), "usdslf.usd.prims"
-    ),
-    **dict.fromkeys(("Pick", "pick"), "usdslf.picking"),
-    **dict.fromkeys(("FrameRange", "PrimRow", "frame_range", "stage_prims"), "usdslf.usd.prims"),
-    **dict.fromkeys(("find_next_dab", "similarity_to"), "usdslf.hints"),
-    "NextDab": "usdslf.inference.next_dab",
-    **dict.fromkeys(("lines_of_report", "report_of"), "usdslf.report"),
-    "LookReview": "usdslf.usd.review.records",
-    "review_look": "usdslf.usd.review.review",
-    "Session": "usdslf.session",
-    "open": "usdslf.session",
-    "Shot": "usdslf.shot",
-    **dict.fromkeys(("Settings", "Solution", "solve", "stylize_shot"), "usdslf.solution"),
-    **dict.fromkeys(("Look", "author", "live_picture", "render_shot"), "usdslf.look"),
-    **dict.fromkeys(("LiveFrame", "LivePicture"), "usdslf.render.live.picture"),
-    **dict.fromkeys(("Cancelled", "Progress", "run", "stepwise"), "usdslf.progress"),
-    **dict.fromkeys(
-        ("MODES", "NORMS", "SCOPES", "SPACES", "TOOLS", "Stroke", "frame_of", "next_name"), "usdslf.strokes.stroke"
-    ),
-    "paint_stroke": "usdslf.strokes.paint",
-    "read_strokes": "usdslf.usd.stroke_layer",
-    "write_strokes": "usdslf.usd.stroke_layer",
-}
-
-
 if not TYPE_CHECKING:  # type checkers are to find unknown names
-
-    def __getattr__(name: str) -> Any:
-        if name not in _HOME:
-            raise AttributeError(f"module 'usdslf' has no attribute {name!r}")
-        return getattr(import_module(_HOME[name]), name)
-
-
-def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__})
+    __getattr__, __dir__ = loaded_at_first_use(__name__, {
+        "usdslf.scene.records": ("Camera", "Scene"),
+        "usdslf.scene.cameras": ("camera_rays", "film_aspect", "project_points", "view_and_projection"),
+        "usdslf.color": ("Color", "color_of"),
+        "usdslf.display": ("CHANNELS", "DisplayPass", "DisplaySettings", "DisplayShader", "FALSE_COLORS"),
+        "usdslf.usd.which_pxr": ("PxrChoice", "choose_pxr"),
+        "usdslf.viewing": ("require_viewer",),
+        "usdslf.usd.live_stage": ("LiveStage",),
+        "usdslf.picking": ("Pick", "Seen", "are_seen", "pick", "seen_prims"),
+        "usdslf.usd.prims": ("FrameRange", "PrimRow", "frame_range", "reload_stage", "stage_files", "stage_prims"),
+        "usdslf.hints": ("find_next_dab", "similarity_to"),
+        "usdslf.inference.next_dab": ("NextDab",),
+        "usdslf.report": ("lines_of_report", "report_of"),
+        "usdslf.usd.review.records": ("LookReview",),
+        "usdslf.usd.review.review": ("review_look",),
+        "usdslf.session": ("Session", "open"),
+        "usdslf.shot": ("Shot",),
+        "usdslf.solution": ("Settings", "Solution", "solve", "stylize_shot"),
+        "usdslf.look": ("Look", "author", "live_picture", "render_shot"),
+        "usdslf.render.live.picture": ("LiveFrame", "LivePicture"),
+        "usdslf.progress": ("Cancelled", "Progress", "run", "stepwise"),
+        "usdslf.strokes.stroke": ("MODES", "NORMS", "SCOPES", "SPACES", "Stroke", "TOOLS", "frame_of", "next_name"),
+        "usdslf.strokes.paint": ("paint_stroke",),
+        "usdslf.usd.stroke_layer": ("read_strokes", "write_strokes"),
+    })  # fmt: skip

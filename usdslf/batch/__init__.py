@@ -17,8 +17,9 @@ Public names:
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from usdslf.first_use import loaded_at_first_use
 
 if TYPE_CHECKING:
     from usdslf.batch.changed import Changed, what_changed
@@ -53,27 +54,16 @@ __all__ = [
 ]
 
 # Loaded at first use: who plans and watches jobs needs neither USD nor OpenCL.
-_HOME = {
-    **dict.fromkeys(("Changed", "what_changed"), "changed"),
-    "on_cluster": "cluster",
-    "collect": "collecting",
-    **dict.fromkeys(("Scored", "score_elsewhere"), "elsewhere"),
-    **dict.fromkeys(("Event", "Job", "Limits", "Result"), "job"),
-    "write_template": "openjd",
-    **dict.fromkeys(("Plan", "plan"), "planning"),
-    "run_batch": "run",
-    **dict.fromkeys(("Row", "Summary"), "summary"),
-    "run_job": "work",
-}
-
-
 if not TYPE_CHECKING:  # type checkers are to find unknown names
-
-    def __getattr__(name: str) -> Any:
-        if name not in _HOME:
-            raise AttributeError(f"module 'usdslf.batch' has no attribute {name!r}")
-        return getattr(import_module(f"usdslf.batch.{_HOME[name]}"), name)
-
-
-def __dir__() -> list[str]:
-    return sorted({*globals(), *__all__})
+    __getattr__, __dir__ = loaded_at_first_use(__name__, {
+        "usdslf.batch.changed": ("Changed", "what_changed"),
+        "usdslf.batch.cluster": ("on_cluster",),
+        "usdslf.batch.collecting": ("collect",),
+        "usdslf.batch.elsewhere": ("Scored", "score_elsewhere"),
+        "usdslf.batch.job": ("Event", "Job", "Limits", "Result"),
+        "usdslf.batch.openjd": ("write_template",),
+        "usdslf.batch.planning": ("Plan", "plan"),
+        "usdslf.batch.run": ("run_batch",),
+        "usdslf.batch.summary": ("Row", "Summary"),
+        "usdslf.batch.work": ("run_job",),
+    })  # fmt: skip

@@ -10,8 +10,9 @@ Public names:
 
 from __future__ import annotations
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from usdslf.first_use import loaded_at_first_use
 
 if TYPE_CHECKING:
     from usdslf.review.page import page_of
@@ -20,16 +21,9 @@ if TYPE_CHECKING:
 
 __all__ = ["Review", "ReviewSettings", "page_of", "review_shot", "toggle"]
 
-_HOME = {
-    **dict.fromkeys(("Review", "ReviewSettings", "review_shot"), "usdslf.review.review"),
-    "page_of": "usdslf.review.page",
-    "toggle": "usdslf.usd.review.toggle",
-}
-
-
 if not TYPE_CHECKING:  # type checkers are to find unknown names
-
-    def __getattr__(name: str) -> Any:
-        if name not in _HOME:
-            raise AttributeError(f"module 'usdslf.review' has no attribute {name!r}")
-        return getattr(import_module(_HOME[name]), name)
+    __getattr__, __dir__ = loaded_at_first_use(__name__, {
+        "usdslf.review.review": ("Review", "ReviewSettings", "review_shot"),
+        "usdslf.review.page": ("page_of",),
+        "usdslf.usd.review.toggle": ("toggle",),
+    })  # fmt: skip
