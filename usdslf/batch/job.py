@@ -72,9 +72,7 @@ class Job:
     @staticmethod
     def of_json(text: str) -> Job:
         """Returns the row that `as_json` wrote as `text`."""
-        values: dict[str, Any] = json.loads(text)
-        listed: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in values.items()}
-        return Job(**listed)
+        return Job(**_with_tuples(json.loads(text)))
 
 
 @dataclass(frozen=True)
@@ -115,8 +113,7 @@ class Result:
     @staticmethod
     def of_values(values: Mapping[str, Any]) -> Result:
         """Returns the result that `as_values` gave as `values`.  Raises: TypeError for what it is not."""
-        listed: dict[str, Any] = {k: tuple(v) if isinstance(v, list) else v for k, v in values.items()}
-        return Result(**listed)
+        return Result(**_with_tuples(values))
 
 
 @dataclass(frozen=True)
@@ -138,3 +135,8 @@ class Event:
     share: float = 0.0
     pid: int = 0
     why: str = ""
+
+
+def _with_tuples(values: Mapping[str, Any]) -> dict[str, Any]:
+    """JSON has lists where records have tuples."""
+    return {k: tuple(v) if isinstance(v, list) else v for k, v in values.items()}

@@ -53,25 +53,34 @@ def dragon() -> QuadMesh:
     return join(body, *spikes)
 
 
-def build(folder: Path, hdri: str | None = None) -> BuiltShot:
-    """Returns the shot, its textures written."""
+LAMPS = (
+    Lamp("softbox", "rect", (22.0, 21.0, 19.0), (-0.75, 1.35, 0.95), (0.0, 0.15, 0.0), size=(0.55, 0.45)),
+    Lamp("studio", "dome", (0.45, 0.45, 0.45), file="studio.exr"),
+)
+
+
+def put_table(folder: Path) -> tuple[Part, Part]:
+    """Returns a table before a wall, which LAMPS light, after the textures of all were written."""
     write_image(folder / "planks.png", planks())
     write_image(folder / "studio.exr", studio())
-    parts = (
+    return (
         Part("table", panel((-1.2, 0, 1.1), (2.4, 0, 0), (0, 0, -1.9)), "table"),
         Part("wall", panel((-1.2, 0, -0.8), (2.4, 0, 0), (0, 1.5, 0)), "wall"),
+    )
+
+
+def build(folder: Path, hdri: str | None = None) -> BuiltShot:
+    """Returns the shot, its textures written."""
+    parts = (
+        *put_table(folder),
         Part("dragon", dragon().moved((-0.30, 0, 0.0)), "jade"),
         Part("ball", ball(0.19, 48, 96).moved((0.33, 0.19, 0.10)), "red"),
-    )
-    lamps = (
-        Lamp("softbox", "rect", (22.0, 21.0, 19.0), (-0.75, 1.35, 0.95), (0.0, 0.15, 0.0), size=(0.55, 0.45)),
-        Lamp("studio", "dome", (0.45, 0.45, 0.45), file="studio.exr"),
     )
     views = (
         View("camera", (0.12, 0.72, 1.75), (0.02, 0.20, 0.02)),
         View("from_the_right", (1.15, 0.62, 1.25), (0.02, 0.19, 0.0)),
     )
-    return BuiltShot("sketch_specular", MATERIALS, parts, lamps, views)
+    return BuiltShot("sketch_specular", MATERIALS, parts, LAMPS, views)
 
 
 TRUTH: tuple[dict[str, Inputs], ...] = (

@@ -14,11 +14,10 @@ from pathlib import Path
 import numpy as np
 
 from usdslf.gallery.records import Entry, PlayLike, on_picture
+from usdslf.gallery.sketch_specular import LAMPS, put_table
 from usdslf.gallery.sketch_specular import MATERIALS as SKETCH
-from usdslf.procedural.built_shot import BuiltShot, Inputs, Lamp, Part, View
-from usdslf.procedural.shapes import ball, panel
-from usdslf.procedural.textures import planks, studio
-from usdslf.textures.images import write_image
+from usdslf.procedural.built_shot import BuiltShot, Inputs, Part, View
+from usdslf.procedural.shapes import ball
 
 RADIUS = 0.012
 MATERIALS: dict[str, Inputs] = {
@@ -33,23 +32,16 @@ TRUTH: dict[str, Inputs] = {"red_left": {"specularColor": (0.15, 0.15, 0.15)}}
 
 def build(folder: Path, hdri: str | None = None) -> BuiltShot:
     """Returns the shot, its textures written."""
-    write_image(folder / "planks.png", planks())
-    write_image(folder / "studio.exr", studio())
     parts = (
-        Part("table", panel((-1.2, 0, 1.1), (2.4, 0, 0), (0, 0, -1.9)), "table"),
-        Part("wall", panel((-1.2, 0, -0.8), (2.4, 0, 0), (0, 1.5, 0)), "wall"),
+        *put_table(folder),
         Part("left", ball(0.19, 48, 96).moved((-0.27, 0.19, 0.05)), "red_left"),
         Part("right", ball(0.19, 48, 96).moved((0.27, 0.19, 0.05)), "red_right"),
-    )
-    lamps = (
-        Lamp("softbox", "rect", (22.0, 21.0, 19.0), (-0.75, 1.35, 0.95), (0.0, 0.15, 0.0), size=(0.55, 0.45)),
-        Lamp("studio", "dome", (0.45, 0.45, 0.45), file="studio.exr"),
     )
     views = (
         View("camera", (0.0, 0.66, 1.75), (0.0, 0.19, 0.02), 44.0),
         View("from_the_left", (-1.15, 0.62, 1.30), (-0.05, 0.19, 0.0), 44.0),
     )
-    return BuiltShot("white_dab", MATERIALS, parts, lamps, views)
+    return BuiltShot("white_dab", MATERIALS, parts, LAMPS, views)
 
 
 GLINT, BESIDE = (178, 155), (470, 200)  # on pictures of 640 x 360
