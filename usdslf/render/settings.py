@@ -58,7 +58,6 @@ class PictureOptions:
 
     samples: int = 16  # gathered rays a pixel
     elements: int = 10000  # of the light field
-    element_area: float | None = None  # mean, of these [stage units squared]; None: the scene's area over `elements`
     hide_lights: bool = False  # lights are not seen by the camera (nor is the dome)
     depth: int = MAX_DEPTH  # surfaces that a ray may be followed to before the light field is asked in any case
     footprint: float = FOOTPRINT  # element areas that a ray's must cover to be answered by the light field

@@ -90,9 +90,7 @@ class StillPicture:
             lit: with a light field, or without.
             size: width and height [pixels].
         """
-        field, area = lit.light_field, options.element_area
-        if area is None:
-            area = float(lit.scene.triangles.areas.sum()) / max(options.elements, 1)
+        field, area = lit.light_field, float(lit.scene.triangles.areas.sum()) / max(options.elements, 1)
         geometry = Geometry.of(lit.device, lit.scene, lit.tracer, LightSet(lit.scene, lit.lights), field, EACH)
         self.camera, self.size, self.options, self.quality = camera, size, options, Quality.of(options.samples)
         a = self.quality.antialias
