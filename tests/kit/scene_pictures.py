@@ -49,8 +49,9 @@ def looking_down(at: Sequence[float]) -> NDArray:
     return m
 
 
-def picture(scene: Scene, camera: Camera, device: Device, light_field: Any = None, **options: Any) -> dict:
+def picture(scene: Scene, camera: Camera, device: Device, **options: Any) -> dict:
+    """Layers by name, of a scene without a light field."""
     names = options.pop("aovs", ("color",))
     size = options.pop("size", SIZE)
-    lit = LitScene(scene, RayTracer(scene), light_field, scene.lights, device)
+    lit = LitScene(scene, RayTracer(scene), None, scene.lights, device)
     return render(lit, camera, size, names, PictureOptions(**options))
