@@ -120,7 +120,7 @@ def main(path: Path) -> None:
     window.close()
     del window, shot
     end = time.monotonic() + 20
-    while (_open_windows or not gc.isenabled()) and time.monotonic() < end:
+    while (_open_windows or not gc.isenabled() or threading.active_count() > 1) and time.monotonic() < end:
         application.processEvents()
         time.sleep(0.005)
     out["left behind"] = [len(_open_windows), gc.isenabled(), [t.name for t in threading.enumerate()[1:]]]
