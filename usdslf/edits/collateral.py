@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdslf.edits.moves import Move
+from usdslf.scene.difference import pairs_in
 from usdslf.scene.records import F64, Material, Scene
 from usdslf.surfaces.surface_points import SurfacePoints, evaluate_surface
 
@@ -156,7 +157,7 @@ def _changed(shot: Scene, shown: Scene) -> Iterator[tuple[str, NDArray]]:
     """The materials that are shown on triangles that had another one, or one with other values, and which these are."""
     old, new = shot.triangles.material, shown.triangles.material
     by_path: dict[str, list[NDArray]] = {}
-    for a, b in np.unique(np.stack([old, new], 1), axis=0):
+    for a, b in pairs_in(old, new):
         if shot.materials[a].why_not_editable or _same(shot.materials[a], shown.materials[b]):
             continue
         by_path.setdefault(shown.materials[b].path, []).append(np.flatnonzero((old == a) & (new == b)))

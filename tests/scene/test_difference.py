@@ -1,0 +1,15 @@
+"""Differences: pairs of numbers."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from usdslf.scene.difference import pairs_in
+
+
+def test_pairs_are_each_found_once_in_their_order() -> None:
+    rng = np.random.default_rng(0)
+    some, others = rng.integers(0, 5, 300).astype(np.int32), rng.integers(0, 70_000, 300).astype(np.int32)
+    others[some < 3] = 7
+    assert [tuple(p) for p in pairs_in(some, others)] == sorted(set(zip(some.tolist(), others.tolist())))
+    assert pairs_in(some[:0], others[:0]).shape == (0, 2)
