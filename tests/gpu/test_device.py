@@ -5,13 +5,16 @@ from __future__ import annotations
 import subprocess
 import sys
 import textwrap
+import threading
 from typing import Any
 
 import numpy as np
+import pyopencl as cl
 import pytest
 
 from usdslf.errors import KernelBuildError
 from usdslf.gpu.device import Device, open_device
+from usdslf.gpu.shared import Shared
 
 
 class Damaged:
@@ -74,3 +77,20 @@ def test_arrays_that_nobody_holds_last_until_their_kernels_are_done() -> None:
     )
     run = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
     assert run.returncode == 0, run.stderr
+
+
+def test_who_lets_an_array_go_does_not_wait_and_who_takes_its_memory_does() -> None:
+    """A main thread that forgets a picture is not held up by what the device is at."""
+    device, shape = open_device(), (1 << 16,)
+    held = Shared(device, shape, np.float32)
+    address, gate = held.host.ctypes.data, cl.UserEvent(device.context)
+    cl.enqueue_marker(device.queue, wait_for=[gate])  # all that is enqueued waits for it
+    del held  # would stand still here
+    taken = list[Shared]()
+    taking = threading.Thread(target=lambda: taken.append(Shared(device, shape, np.float32, is_clean=False)))
+    taking.start()
+    taking.join(0.1)
+    assert not taken
+    gate.set_status(cl.command_execution_status.COMPLETE)
+    taking.join(60)
+    assert taken[0].host.ctypes.data == address

@@ -24,6 +24,9 @@ STEPS = 8  # sizes between one power of two and the next that memory is given in
 _Piece = tuple[int, mmap.mmap, Any]
 """Bytes, the host's memory, the device's buffer."""
 
+_Spare = tuple[_Piece, Any]
+"""A piece, and the event after which no kernel works in it."""
+
 
 class Shared:
     """An array in the host's memory, `host`, and its twin on the device, `buffer`: the same memory where it can be."""
@@ -41,12 +44,8 @@ class Shared:
         self._is_same = device.has_host_memory
         spare = _spare_of(device)
         room = _room_of(size)
-        piece = next((p for p in tuple(spare) if p[0] == room), None)
-        try:
-            if piece is not None:
-                spare.remove(piece)
-        except ValueError:  # another thread has taken it
-            piece = None
+        piece = _take(spare, room)
+        _trim(spare)
         is_new = piece is None
         size_of_piece, memory, self.buffer = piece or self._made(device, room)
         pages: NDArray[Any] = np.frombuffer(memory, np.uint8)
@@ -77,10 +76,10 @@ class Shared:
             cl.enqueue_copy(self._queue, self.host, self.buffer)
 
 
-_SPARE: WeakKeyDictionary[Device, deque[_Piece]] = WeakKeyDictionary()
+_SPARE: WeakKeyDictionary[Device, deque[_Spare]] = WeakKeyDictionary()
 
 
-def _spare_of(device: Device) -> deque[_Piece]:
+def _spare_of(device: Device) -> deque[_Spare]:
     return _SPARE.setdefault(device, deque())
 
 
@@ -90,12 +89,34 @@ def _room_of(size: int) -> int:
     return -(-size // step) * step
 
 
-def _give_back(queue: Any, spare: deque[_Piece], piece: _Piece) -> None:
-    """Keeps memory for another array, after all that was enqueued is done."""
-    queue.finish()
-    spare.append(piece)
-    while sum(p[0] for p in tuple(spare)) > SPARE_BYTES:
+def _give_back(queue: Any, spare: deque[_Spare], piece: _Piece) -> None:
+    """Keeps memory for another array.
+
+    Whoever lets an array go, a window's main thread too, does not wait for what was enqueued: who takes it does.
+    """
+    done = cl.enqueue_marker(queue)
+    queue.flush()
+    spare.append((piece, done))
+
+
+def _take(spare: deque[_Spare], room: int) -> _Piece | None:
+    """Takes a piece of a size that nothing works in any more; None: there is none."""
+    for found in tuple(spare):
+        if found[0][0] == room:
+            try:
+                spare.remove(found)
+            except ValueError:  # another thread has taken it
+                continue
+            found[1].wait()
+            return found[0]
+    return None
+
+
+def _trim(spare: deque[_Spare]) -> None:
+    """Lets the oldest memory go that is too much."""
+    while sum(piece[0] for piece, _ in tuple(spare)) > SPARE_BYTES:
         try:
-            spare.popleft()
+            _, done = spare.popleft()
         except IndexError:
             return
+        done.wait()
