@@ -16,8 +16,11 @@ from numpy.typing import NDArray
 from usdslf.color import luminance
 from usdslf.lights.dome import Dome
 from usdslf.lights.sampling import intersect_light, is_delta
+from usdslf.progress import in_blocks
 from usdslf.scene.records import F32, I32, Light, Scene
 from usdslf.surfaces.surface_points import evaluate_surface
+
+DIRECTIONS = 1 << 14  # that are looked up at once: they and what they give stay in the cache
 
 Emission = Callable[[I32, F32], F32]
 """triangle (n,), barycentric (n, 2) -> emitted radiance (n, 3)."""
@@ -186,8 +189,9 @@ class LightSet:
     def background(self, directions: F32, solid_angle: float | None = None) -> F32:
         """Returns the radiance (n, 3) of all domes in directions where rays escape."""
         out = np.zeros((len(directions), 3), np.float32)
-        for source in self.domes:
-            out += source.dome.radiance(directions, solid_angle)
+        for rows in in_blocks(len(directions) if self.domes else 0, DIRECTIONS):
+            for source in self.domes:
+                out[rows] += source.dome.radiance(directions[rows], solid_angle)
         return out
 
     def seen(self, origins: F32, directions: F32, limit: F32) -> tuple[F32, F32]:
