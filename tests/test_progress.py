@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+import textwrap
 import threading
 from contextvars import ContextVar
 from pathlib import Path
@@ -158,6 +161,23 @@ def test_a_generator_of_steps_is_closed_while_a_call_stands_still() -> None:
     assert not call.ended.is_set()
     call.may_go_on.set()
     assert run(stepwise(lambda: tell_during(lambda: 3))) == 3
+
+
+def test_the_end_of_a_process_waits_for_a_call_that_nobody_waits_for() -> None:
+    """Cut off in a library's call, its thread would take the process down: "terminate called ..."."""
+    script = textwrap.dedent(
+        """
+        import time
+        from usdslf.progress import stepwise, tell_during
+
+        steps = stepwise(lambda: tell_during(lambda: (time.sleep(0.3), print("to its end"))))
+        next(steps)
+        steps.close()
+        print("closed")
+        """
+    )
+    ended = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert ended.stdout.split("\n") == ["closed", "to its end", ""]
 
 
 def test_work_ahead_that_nobody_asks_for_is_dropped() -> None:

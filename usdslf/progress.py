@@ -157,7 +157,8 @@ def tell_during(call: Callable[[], Result]) -> Result:
 
     now = _now.get() or _Step("")
     told.put(Progress(now.name, now.share))
-    threading.Thread(target=copy_context().run, args=(make_call,), name="usdslf-call").start()
+    # Python waits for it at its end: a thread that is cut off in a library's call takes the process down.
+    threading.Thread(target=copy_context().run, args=(make_call,), name="usdslf-call", daemon=False).start()
     _hear_until_done(hear, told, made)
     if errors:
         error = errors.pop()  # which holds this frame: no circle

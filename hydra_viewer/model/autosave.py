@@ -83,6 +83,8 @@ class Autosave:
         with self._condition:
             self._is_stopped = self._is_paused = True
             self._condition.notify_all()
+        if self._thread is not None:
+            self._thread.join(timeout=10)
 
     def pause(self) -> None:
         """Keeps none until `begin`; what is there stays."""
