@@ -43,7 +43,7 @@ from usdslf.surfaces.reflectance import model_of
 from usdslf.usd.author.author import author_look, author_review_root, check_look_place
 from usdslf.usd.author.collateral import Reading, look_collateral
 from usdslf.usd.author.read_back import scene_under, stage_under
-from usdslf.usd.author.rebase import Rebase, earlier_look, rebased
+from usdslf.usd.author.rebase import Rebase, earlier_look, rebased, silence_again
 from usdslf.usd.author.whole import whole_or_as_before
 from usdslf.usd.author.writing import Instead
 from usdslf.usd.layer.baked_files import textures_folder
@@ -94,7 +94,7 @@ def author(
     Args:
         shot: that the Solution is of; its files are not changed.
         solution: empty: a look that changes nothing.
-        path: of the look; what people added to it by hand stays.
+        path: of the look; what people added to it by hand stays, and what was silenced (usdslf toggle) stays silent.
         strokes_path: the stroke layer that the Solution is of, for provenance and the review root.
         review_root: a layer to write over look, strokes and shot.
         mode: override (all that show the material) | new (a material for what was painted only) | class (all
@@ -115,6 +115,8 @@ def author(
     earlier = earlier_look(path)
     with whole_or_as_before(path, review_root) as kept:
         look = _author(target, solution, review_root, said, seconds)
+        still = silence_again(path, earlier) if earlier else ()
+        look = replace(look, warnings=(*look.warnings, *still))
     if earlier:
         strokes = [s for s in solution.strokes if s.has_anchors and locate_stroke(shot.scene, s).moved]
         moved, there = [s.path for s in strokes], [s.path for s in solution.strokes]

@@ -8,9 +8,11 @@ import pytest
 from kit.look_stages import author, change_of, new_shot
 from pxr import Sdf, Usd
 
-from usdslf.usd.author.rebase import Became, Rebase, earlier_look, rebased
+from usdslf.usd.author.rebase import Became, Rebase, earlier_look, rebased, silence_again
+from usdslf.usd.layer.silent import SILENT
 from usdslf.usd.layer.wins import AuthoredEdit
 from usdslf.usd.review.review import review_look
+from usdslf.usd.review.toggle import toggle
 
 GREY = "/World/mtl/grey/pbr"
 STROKE = "/SlfStrokes/stroke_0001"
@@ -129,3 +131,29 @@ def test_a_base_is_kept_for_what_the_shot_never_said(tmp_path: Path) -> None:
     edits = author(stage, tmp_path, change_of(stage, "/World/ball", "glossiness", roughness=0.1))
     found = rebased(earlier, stage, edits, (), (STROKE,))
     assert [(e.became, round(e.base, 6), round(e.now, 6)) for e in found.edits] == [(Became.DRIFTED, 0.5, 0.9)]
+
+
+def test_what_was_switched_off_stays_off_when_the_look_is_written_anew(tmp_path: Path) -> None:
+    new_shot(tmp_path)
+    look, red = tmp_path / "look.usda", (0.6, 0.1, 0.1)
+    solve(tmp_path, 0.2, d=red)
+    colour = f"{GREY}.inputs:diffuseColor"
+    toggle(look, [colour], on=False)
+    earlier = earlier_look(look)
+    assert earlier
+    edits = solve(tmp_path, 0.2, d=(0.1, 0.5, 0.1))
+    (said,) = silence_again(look, earlier)
+    assert said == f"{colour} stays switched off; bring it back with: usdslf toggle --on"
+    file = Sdf.Layer.FindOrOpen(str(tmp_path / "shot.usda"))
+    shot, composed = (Usd.Stage.Open(file, Sdf.Layer.CreateAnonymous()) for _ in range(2))
+    composed.GetSessionLayer().subLayerPaths = [str(look)]
+    rough, shown, plain = (
+        stage.GetPrimAtPath(GREY).GetAttribute(f"inputs:{name}").Get()
+        for stage, name in ((composed, "roughness"), (composed, "diffuseColor"), (shot, "diffuseColor"))
+    )
+    assert rough == pytest.approx(0.2) and shown == plain
+    became = rebased(earlier, shot, edits, (), (STROKE,))
+    assert rows(became) == {(Became.CHANGED, "diffuseColor")}  # neither new nor gone for being off
+    toggle(look, [colour], on=True)
+    written = Sdf.Layer.OpenAsAnonymous(str(look))
+    assert written.GetAttributeAtPath(colour).default[1] == pytest.approx(0.5) and SILENT not in written.rootPrims

@@ -37,6 +37,7 @@ from usdslf.usd.layer.baked_files import drop_unused
 from usdslf.usd.layer.hand_edits import RECORD, added_by_hand, put_under, record_of, what_is_by_hand
 from usdslf.usd.layer.look_layer import LookLayer
 from usdslf.usd.layer.provenance import layer_data
+from usdslf.usd.layer.silent import restore_all
 from usdslf.usd.layer.wins import AuthoredEdit, compose_over, with_wins
 from usdslf.usd.look_data import is_look
 from usdslf.usd.notes import Notes
@@ -218,7 +219,10 @@ def why_not_editable(prim: Usd.Prim) -> str:
 
 
 def _earlier_look(stage: Usd.Stage, out: Path) -> Sdf.Layer | None:
-    """Returns the look that is there already; refuses to write over anything else."""
+    """Returns the look that is there already, as it was before opinions of it were silenced.
+
+    Raises: AuthorError where something else is there.
+    """
     if out.resolve() in shot_files(stage):
         raise AuthorError(f"{out} is part of the shot, which is never written to: choose another file")
     if not is_file(out, AuthorError) or not out.stat().st_size or out.suffix not in (".usda", ".usd", ".usdc"):
@@ -226,4 +230,5 @@ def _earlier_look(stage: Usd.Stage, out: Path) -> Sdf.Layer | None:
     earlier = Sdf.Layer.OpenAsAnonymous(str(out))  # as it is on disk, whoever wrote it
     if not earlier or not is_look(earlier):
         raise AuthorError(f"{out} exists and is not a look layer of usdslf: choose another file")
+    restore_all(earlier)
     return earlier

@@ -1,6 +1,7 @@
 """Rebase: what became of a look when it was solved anew over a shot that changed.
 
     earlier_look(path) -> Sdf.Layer | None                          as it is on disk
+    silence_again(path, earlier) -> sentences                       what was switched off stays off
     rebased(earlier, stage, edits, painted) -> Rebase               edit by edit, and which strokes are stale
 
 Each opinion of a look keeps what the shot said when it was solved (opinions.py).  So it can be told whether the shot
@@ -19,9 +20,11 @@ from pxr import Sdf, Tf, Usd
 
 from usdslf.replacing import is_file
 from usdslf.usd.border import in_words, plain, quiet_usd
+from usdslf.usd.files import write_layer
 from usdslf.usd.layer.hand_edits import specs_of
 from usdslf.usd.layer.opinions import base_of, targets_of
 from usdslf.usd.layer.shown_paths import ShownPaths, is_chosen, shot_attribute
+from usdslf.usd.layer.silent import restore_all, silence
 from usdslf.usd.layer.wins import AuthoredEdit
 from usdslf.usd.look_data import is_look, our_data, texts
 
@@ -99,6 +102,25 @@ def earlier_look(path: str | os.PathLike[str]) -> Sdf.Layer | None:
             return layer if layer and is_look(layer) else None
     except (Tf.ErrorException, UnicodeDecodeError):  # which writing the new one says
         return None
+
+
+def silence_again(path: str | os.PathLike[str], earlier: Sdf.Layer) -> tuple[str, ...]:
+    """Silences in a look what was silent in the one that stood there before; returns what that is, in words.
+
+    Args:
+        path: of the look, which was written anew.
+        earlier: the one before; nothing of it is silent afterwards, so that both can be compared.
+
+    Raises: AuthorError where the file cannot be written.
+    """
+    with quiet_usd():
+        silent = restore_all(earlier)
+        layer = Sdf.Layer.OpenAsAnonymous(os.fspath(path)) if silent else None
+        there = [p for p in silent if layer.GetPropertyAtPath(p)] if layer else []
+        if there:
+            silence(layer, there)
+            write_layer(layer, path)
+    return tuple(f"{p} stays switched off; bring it back with: usdslf toggle --on" for p in there)
 
 
 def rebased(

@@ -4,6 +4,7 @@
     silent_specs(layer) -> (path that it had, spec)
     silence(layer, properties) -> None          moves properties there, and what is left of prims that held nothing else
     restore(layer, properties) -> None          moves them back: the layer says then what it said, byte for byte
+    restore_all(layer) -> list[Sdf.Path]        moves all of them back; returns which they were
 
 Why there.  USD composes nothing below an inactive prim, in any program, whatever arcs lead to the layer.  A variant
 that is not selected would be silent too, but it adds a variant set to prims of the shot, and whoever selects it gets
@@ -76,6 +77,13 @@ def restore(layer: Sdf.Layer, properties: Iterable[Sdf.Path]) -> None:
     if is_bare(home):
         del layer.rootPrims[SILENT]
     _put_in_order(layer, order)
+
+
+def restore_all(layer: Sdf.Layer) -> list[Sdf.Path]:
+    """Moves all silent properties back; returns the paths that they have."""
+    paths = [path for path, spec in silent_specs(layer) if isinstance(spec, Sdf.PropertySpec)]
+    restore(layer, paths)
+    return paths
 
 
 def prune(
