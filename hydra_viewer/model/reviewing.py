@@ -2,7 +2,7 @@
 
     reviewing(shot, look)               a generator: what is said of the look, then the same with pictures
     details_of(said, review, material)  strokes, residuals, colours, alternatives, what changes unpainted
-    heat_map(values) -> (h, w, 3)       indirect effects in colours
+    heat_map(values, gain) -> (h, w, 3) indirect effects in colours
 """
 
 from __future__ import annotations
@@ -99,10 +99,15 @@ def details_of(said: LookReview, review: Review | None, material: str) -> Detail
     return Details(tuple(s.rsplit("/", 1)[-1] for s in strokes), residuals, *colors, weighed, unpainted)
 
 
-def heat_map(values: NDArray) -> NDArray[np.uint8]:
-    """Returns values (h, w) as colours of the screen (h, w, 3), black where there is nothing, of their own scale."""
+def heat_map(values: NDArray, gain: float = 1.0) -> NDArray[np.uint8]:
+    """Returns values (h, w) as colours of the screen (h, w, 3), black where there is nothing.
+
+    Args:
+        values: 0 and above; the brightest colour is for the largest of them, outliers aside.
+        gain: what they are magnified by before that.
+    """
     top = float(np.percentile(values, 99.8)) or float(values.max(initial=0.0)) or 1.0
-    at = np.clip(values / top, 0, 1)
+    at = np.clip(gain * values / top, 0, 1)
     ends = np.linspace(0, 1, len(HEAT))
     channels = [np.interp(at, ends, [color[c] for color in HEAT]) for c in range(3)]
     return np.round(255 * np.stack(channels, -1)).astype(np.uint8)

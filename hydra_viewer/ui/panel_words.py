@@ -61,7 +61,7 @@ MODES = {
 }
 MODE_KEYS = {"now": "", "other": "\\", "wipe": "V", "difference": "Shift+V"}
 COMPARE_WITH, BEFORE = "With", "Before: the shot without the look"
-GAIN = "Gain"
+GAIN, TIMES = "Gain", "\u00d7 "
 KEEP = ("Keep this look", "Remember the look as it is now, to flip to and compare with")
 DROP = ("Forget", "Forget the selected look")
 FLIP_ON, FLIP_BACK = ("Next look", "Show the next kept look"), ("Previous look", "Show the previous kept look")
@@ -85,13 +85,15 @@ REVIEW_MODES = {
     "before": ("Before", "The shot without the look"),
     "after": ("After", "The shot with the look"),
     "wipe": ("Wipe", "Before on the left, after on the right"),
-    "difference": ("Difference", "How far the two are apart, four times"),
+    "blink": ("Blink", "Before and after in turns"),
+    "difference": ("Difference", "How far the two are apart, magnified by the gain"),
     "indirect": ("By light", "What changes without being edited itself: the difference of the light that it sends"),
 }
+REVIEW_GAIN = "What the difference, and what changes by light, are magnified by"
 PICTURES_COME = "Making pictures …"
 PAINTED_FROM, HELD_OUT, OTHER_LIGHT = "painted from", "nobody painted from", "in other light"
 VIEW_KINDS = {"stroke": PAINTED_FROM, "held out": HELD_OUT, "light": OTHER_LIGHT}
-OFF = ("Switch off", "Keep the change in the look, silent, as usdslf toggle does; saving the strokes writes it anew")
+OFF = ("Switch off", "Keep the change in the look, silent, as usdslf toggle does; it stays off when strokes are saved")
 ON = ("Switch on", "Let the change show again")
 WEIGHED = "Explanations that were weighed"
 REVIEW_PAINTED, REVIEW_BEFORE, REVIEW_AFTER = "painted", "seen before", "seen after"

@@ -8,6 +8,7 @@ from PySide6.QtCore import QSignalBlocker, Qt, Signal
 from PySide6.QtGui import QColor
 from PySide6.QtWidgets import (
     QComboBox,
+    QDoubleSpinBox,
     QFileDialog,
     QHBoxLayout,
     QLabel,
@@ -17,6 +18,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
+from hydra_viewer.model.comparison import MOST_GAIN
 from hydra_viewer.model.document import Document
 from hydra_viewer.model.easel import Easel
 from hydra_viewer.model.reviewing import details_of, reviewing, switching
@@ -25,7 +27,7 @@ from hydra_viewer.ui import panel_words as words
 from hydra_viewer.ui import theme
 from hydra_viewer.ui.choice_row import choice_row
 from hydra_viewer.ui.review_details import ReviewDetails
-from hydra_viewer.ui.review_picture import MODES, ReviewPicture
+from hydra_viewer.ui.review_picture import MAGNIFIED, MODES, ReviewPicture
 from hydra_viewer.ui.review_tree import ReviewTree
 from hydra_viewer.ui.swatches import shown
 from hydra_viewer.ui.words import tooltip
@@ -46,6 +48,7 @@ class ReviewPanel(QWidget):
         tree: a row a change; what is checked is accepted.
         picture: of one view.
         views: which one.
+        modes, gain: how it is shown: buttons by mode; what differences are magnified by.
         details: of the selected change.
         failed: Signal(str): a sentence.
     """
@@ -113,11 +116,23 @@ class ReviewPanel(QWidget):
         return row
 
     def _mode_row(self) -> QHBoxLayout:
-        row, self.modes = choice_row(self, MODES, words.REVIEW_MODES, self.picture.set_mode)
+        row, self.modes = choice_row(self, MODES, words.REVIEW_MODES, self._set_mode)
         for button in self.modes.values():
             button.setStyleSheet("padding: 3px 4px;")
         self.modes[self.picture.mode].setChecked(True)
+        self.gain = QDoubleSpinBox(decimals=0, minimum=1, maximum=MOST_GAIN, prefix=words.TIMES)
+        self.gain.setValue(self.picture.gain)
+        self.gain.setStepType(QDoubleSpinBox.StepType.AdaptiveDecimalStepType)
+        self.gain.setToolTip(words.REVIEW_GAIN)
+        self.gain.setAccessibleName(words.GAIN)
+        self.gain.valueChanged.connect(self.picture.set_gain)
+        row.addWidget(self.gain)
+        self._set_mode(self.picture.mode)
         return row
+
+    def _set_mode(self, mode: str) -> None:
+        self.picture.set_mode(mode)
+        self.gain.setEnabled(mode in MAGNIFIED)
 
     # ── reviewing ──────────────────────────────────────────────────────────────────────────────
 
@@ -183,7 +198,8 @@ class ReviewPanel(QWidget):
         self.save_button.setEnabled(self.verdict is not None)
         self.page_button.setEnabled(self.review is not None)
         said = (x for pair in self._said.values() for x in pair)
-        parts = (self.views, self.picture, self.tree, self.details, self.note, self.switch, *self.modes.values(), *said)
+        own = (self.views, self.picture, self.tree, self.details, self.note, self.switch, self.gain)
+        parts = (*own, *self.modes.values(), *said)
         for each in parts:
             each.setVisible(self.verdict is not None)
         self._show_selected()

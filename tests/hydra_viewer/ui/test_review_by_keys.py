@@ -88,7 +88,7 @@ def test_a_review_shows_pictures_numbers_and_what_was_weighed(window: Window) ->
     kinds = [panel.views.itemText(n) for n in range(panel.views.count())]
     assert any(words.PAINTED_FROM in k for k in kinds) and any(words.OTHER_LIGHT in k for k in kinds)
     images = panel.picture.images
-    assert {*images, "wipe"} == set(words.REVIEW_MODES)
+    assert {*images, "wipe", "blink"} == set(words.REVIEW_MODES)
     at = round(0.33 * images["before"].width()), round(0.51 * images["before"].height())
     before, after = images["before"].pixelColor(*at), images["after"].pixelColor(*at)
     assert before.red() > 1.5 * before.blue() and after.blue() > 1.5 * after.red()  # the red ball became blue
@@ -108,6 +108,41 @@ def test_modes_and_the_wipe_are_worked_by_keys(window: Window) -> None:
     panel.picture.setFocus()
     QTest.keyClick(panel.picture, Key.Key_Left)
     assert panel.picture.split == pytest.approx(0.48)
+
+
+def test_before_and_after_blink(window: Window, monkeypatch: pytest.MonkeyPatch) -> None:
+    picture = window.review_panel.picture
+    picture._blinking.setInterval(20)
+    QTest.keyClick(window.review_panel.modes["blink"], Key.Key_Space)
+    at = round(0.33 * picture.width()), round(0.51 * picture.height())
+    seen = dict[bool, bool]()
+    wait_for(lambda: len(seen) == 2 or seen.update({picture.shows_after: is_red(picture, at)}))
+    assert seen == {False: True, True: False}  # the red ball is blue after the look
+    QTest.keyClick(window.review_panel.modes["after"], Key.Key_Space)
+    assert not picture._blinking.isActive()
+
+
+def is_red(widget: QWidget, at: tuple[int, int]) -> bool:
+    color = widget.grab().toImage().pixelColor(*at)
+    return color.red() > color.blue()
+
+
+def test_differences_are_magnified_by_the_gain(window: Window) -> None:
+    panel = window.review_panel
+    at = round(0.33 * 96), round(0.51 * 54)
+    levels = []
+    for mode in ("wipe", "difference"):
+        QTest.keyClick(panel.modes[mode], Key.Key_Space)
+        assert panel.gain.isEnabled() == (mode == "difference")
+    for gain in ("1", "8"):
+        panel.gain.setFocus()
+        panel.gain.selectAll()
+        QTest.keyClicks(panel.gain, gain)
+        QTest.keyClick(panel.gain, Key.Key_Return)
+        images = panel.picture.images
+        levels.append([images[m].pixelColor(*at).lightness() for m in ("difference", "before")])
+    (little, before), (much, as_before) = levels
+    assert little > 0 and much > 1.5 * little and before == as_before
 
 
 def test_a_change_is_rejected_with_a_note_that_accept_reads(window: Window, tmp_path: Path) -> None:
@@ -134,6 +169,19 @@ def test_a_change_is_switched_off_and_on_and_what_was_decided_stays(window: Wind
         blue = panel.picture.images["after"].pixelColor(*at)
         assert (blue.red() > blue.blue()) == is_off  # red again while it is off
         assert row.target in panel.verdict.rejected and panel.verdict.notes[row.target] == "too blue"
+        if is_off:
+            save_again(window)
+            assert panel.tree.selected.is_off
+
+
+def save_again(window: Window) -> None:
+    """Saves strokes and look once more, and reviews it."""
+    go_to(window, words.REVIEW_PANEL)
+    QTest.keyClick(window, Key.Key_S, CTRL)
+    wait_for(lambda: window.worker.is_idle)
+    before = window.review_panel.verdict
+    review(window)
+    wait_for(lambda: window.review_panel.verdict is not before)
 
 
 @pytest.mark.parametrize("title", PANELS)
