@@ -9,10 +9,11 @@ from typing import Any, Generic, Self, TypeVar
 
 from usdslf.edits.edits import MaterialChange
 from usdslf.inference.answers import Answer
+from usdslf.lazy import Lazy
 from usdslf.look import Look, PathLike
 from usdslf.progress import Say, hearing
 from usdslf.report import report_of
-from usdslf.shot import Lazy, Shot
+from usdslf.shot import Shot
 from usdslf.solution import Solution
 from usdslf.stylize.unsharp_mask import Stylized
 from usdslf.usd.layer.wins import AuthoredEdit

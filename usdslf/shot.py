@@ -10,9 +10,9 @@ from __future__ import annotations
 
 import os
 import threading
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, Generic, TypeVar, overload
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,18 +26,20 @@ from usdslf.errors import InputError, StageError
 from usdslf.gpu.device import Device, open_device
 from usdslf.inference.gathered import Gathered
 from usdslf.inference.pictured import Pictured
+from usdslf.lazy import Lazy
 from usdslf.light_field.light_field import LightField
+from usdslf.light_field.renewal import renew
 from usdslf.light_field.static_light import static_light
 from usdslf.light_field.storage import check_memory, storage_within
 from usdslf.light_field.visibility import Visibility, trace_visibility
 from usdslf.lights.defaults import lights_or_default
 from usdslf.lights.missing_dome import MISSING_DOME, with_missing_domes
 from usdslf.lights.sources import LightSet
-from usdslf.progress import step, tell_during, wait_for
+from usdslf.progress import step, tell_during
 from usdslf.rays import RayTracer
 from usdslf.render.overview_camera import overview_camera
-from usdslf.scene.difference import Afresh, is_same_but_for_reflectance, why_not_comparable
-from usdslf.scene.records import Camera, Light, Scene
+from usdslf.scene.difference import Afresh, is_same_but_for_reflectance, look_alike, why_not_comparable
+from usdslf.scene.records import Camera, Light, Material, Scene
 from usdslf.shot_cache import ShotCache
 from usdslf.surfaces.reflectance import model_of
 from usdslf.usd.border import quiet_usd
@@ -49,32 +51,6 @@ from usdslf.usd.read.read import open_stage, read_scene
 
 QUALITY = ("elements", "bounces", "refine", "model", "missing_dome", "memory")  # options of `Shot.open`
 MOST_ELEMENTS = (1 << 22) - 1
-Value = TypeVar("Value")
-
-
-class Lazy(Generic[Value]):
-    """A value of a Shot that is made once, at first use, by one thread."""
-
-    def __init__(self, make: Callable[[Any], Value]) -> None:
-        self._make, self._name, self.__doc__ = make, make.__name__, make.__doc__
-
-    @overload
-    def __get__(self, shot: None, owner: type) -> Lazy[Value]: ...
-    @overload
-    def __get__(self, shot: Shot, owner: type) -> Value: ...
-    def __get__(self, shot: Shot | None, owner: type) -> Value | Lazy[Value]:
-        if shot is None:
-            return self
-        # What is made stands in the instance's dictionary, where it is found before this.
-        made, lock = vars(shot), shot.lock
-        wait_for(lock)
-        try:
-            if self._name not in made:
-                made[self._name] = self._make(shot)
-            value: Value = made[self._name]
-            return value
-        finally:
-            lock.release()
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,7 +76,7 @@ class Shot:
         warnings: of those steps, sentences, each once.
         lock: held by the thread that makes something.
         laid: the other frame that the elements were laid at.
-        start: light field of another frame, where iterations start.
+        start: light field of another state, where its own starts.
 
     Source: Nguyen et al. 2013, 5 and 6.
     """
@@ -270,6 +246,10 @@ class Shot:
         self.warn(*filter(None, [storage.in_words]))
 
         def make() -> LightField:
+            if self.start and self.start[0].lookup is links[2]:  # of the same elements: it follows what is other
+                found = self.start[0].with_elements(elements)
+                renew(found, bounces)
+                return found
             found = LightField(*links, fixed, model, storage)
             light = lambda: found.settle(bounces).radiance()  # noqa: E731
             if self.start:
@@ -321,14 +301,21 @@ class Shot:
 
     # ── other states ───────────────────────────────────────────────────────────────────────────
 
-    def edited(self, look: str | os.PathLike[str]) -> Shot:
+    def edited(self, look: str | os.PathLike[str], follows: bool = False) -> Shot:
         """Returns the shot with a look layer over it; see `reopened`.
 
         Raises: InputError where the look cannot be read.
         """
-        return self.reopened(open_edited(self.path, look))
+        return self.reopened(open_edited(self.path, look), follows)
 
-    def reopened(self, stage: Any) -> Shot:
+    def under(self, materials: Sequence[Material]) -> Shot:
+        """Returns the shot under other materials, as many and of the same opacity and glow; light follows."""
+        other = self._afresh()
+        scene = self.scene.with_materials(materials)
+        other._take(scene=scene, tracer=self.tracer.under(scene))
+        return self.sharing(other, follows=True)
+
+    def reopened(self, stage: Any, follows: bool = False) -> Shot:
         """Returns another composition of the shot, a path or a Usd.Stage, at the same frame; see `sharing`.
 
         Raises: StageError where the stage cannot be opened.
@@ -337,13 +324,17 @@ class Shot:
             stage, self.frame, self.device, self.ocio, self.made is not None, elements=self.element_count,
             bounces=self.bounces, refine=self.refine, model=self.model, missing_dome=self.missing_dome,
             memory=self.memory,
-        ))  # fmt: skip
+        ), follows)  # fmt: skip
 
-    def sharing(self, other: Shot) -> Shot:
+    def sharing(self, other: Shot, follows: bool = False) -> Shot:
         """Gives `other`, a state of the shot of which nothing was made yet, what is equal there; returns it.
 
         Where geometry, lights, glow and opacity are as they are, as under our looks, elements, visibility and fixed
         light are shared.
+
+        Args:
+            follows: its light starts as it is here, and follows where a change is seen (light_field/renewal.py), .1 %
+                of all light aside: soon there for who looks at it.
         """
         before, after = self.scene, other.scene
         with step("elements", other.seconds):
@@ -355,7 +346,14 @@ class Shot:
             elements=fresh, lookup=self.lookup, visibility=self.visibility, fixed_light=self.fixed_light,
             lights=self.lights,
         )  # fmt: skip
+        if follows:
+            other.start.append(self.light_field)
         return other
+
+    def shows_same_as(self, other: Shot) -> bool:
+        """Tells whether another state has the same materials on the same surfaces, value by value."""
+        a, b = self.scene, other.scene
+        return look_alike((a.materials, a.triangles.material), (b.materials, b.triangles.material))
 
     def relit(self, lights: tuple[Light, ...], elements: int | None = None) -> Shot:
         """Returns the shot in other light; glow stays.

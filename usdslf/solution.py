@@ -19,6 +19,7 @@ from types import MappingProxyType
 import numpy as np
 
 from usdslf.edits.edits import MaterialChange
+from usdslf.edits.unwritten import materials_under
 from usdslf.errors import SolveError, StrokeError
 from usdslf.inference.answer_residuals import residual_as_preview
 from usdslf.inference.answers import Answer, Painted, Pool
@@ -30,6 +31,7 @@ from usdslf.inference.indirect import infer_indirect
 from usdslf.inference.weights import Options
 from usdslf.light_field.light_field import LightField
 from usdslf.progress import Progress, step, stepwise, tell, tell_during
+from usdslf.scene.records import Material
 from usdslf.shot import Shot
 from usdslf.similarity.similarity import Weights
 from usdslf.strokes.stroke import Stroke
@@ -57,6 +59,8 @@ class Settings:
         weights: of the choice: `Options.of((1, 5, 25))` or `Options.of({"group": 8})`.
         similarity: weights of what strokes of scope `similar` change beside the painted material.
         bounces: most bounces of a round; None: the shot's.
+        follows_light: False: what direct strokes ask for in the light as it is, before what a change sends round is
+            followed; it is found on the way to the whole answer, which costs no more afterwards.
     """
 
     norm: str | None = None
@@ -64,6 +68,7 @@ class Settings:
     weights: Options | None = None
     similarity: Weights | None = None
     bounces: int | None = None
+    follows_light: bool = True
 
     def in_words(self) -> str:
         """Returns what is not as usual, for provenance."""
@@ -163,6 +168,24 @@ class Solution:
         if self.stylized is not None:
             return restyled(self.stylized.styles, shot.scene)
         return changes_of(list(self.answers), shot.scene, list(self.strokes), shot.light_field, mode)
+
+    def materials(self, shot: Shot) -> list[Material] | None:
+        """Returns the materials of a shot under what was found, at once: no look is written and read.
+
+        None where only a look says it: a part of what shows a material changes, or the change varies.
+
+        Args:
+            shot: that this is of.
+        """
+        varies = any(a.varying or a.onto_similar for a in self.answers)
+        if varies or self.stylized is not None or not model_of(shot.model).is_authored:
+            return None
+        return materials_under(self.changes(shot), shot.scene)
+
+    def over(self, shot: Shot) -> Shot | None:
+        """Returns a shot under what was found, as `materials` does; its light follows when it is asked for."""
+        materials = self.materials(shot)
+        return None if materials is None else shot.under(materials)
 
 
 def solve(
@@ -271,13 +294,14 @@ def _answers_in(shot: Shot, field: LightField, painted: list[Painted], s: Settin
     as_preview: dict[Pool, float] = {}
     if any(p.stroke.mode == "direct" for p in painted):
         weights = s.weights or Options()
-        ask = Asking(shot.scene, field, weights, choose, bounces, s.similarity, said, left, shot.gathered)
+        asked = shot.scene, field, weights, choose, bounces, s.similarity, said, left, shot.gathered
+        ask = Asking(*asked, s.follows_light)
         rounds = infer_changes(painted, ask)
         for number, direct in enumerate(rounds):  # noqa: B007
             tell((number + 1) / MOST_ROUNDS)
     if not model_of(shot.model).is_authored:
         as_preview = {a.pool: residual_as_preview(a, painted, field) for a in direct}
-    if not any(p.stroke.mode == "indirect" for p in painted):
+    if not s.follows_light or not any(p.stroke.mode == "indirect" for p in painted):
         return _Found(tuple(direct), as_preview, tuple(left))
     indirect = infer_indirect(painted, shot.scene, field, s.weights, bounces, said, choose, direct)
     return _Found((*direct, *indirect), as_preview, tuple(left))

@@ -69,7 +69,8 @@ def infer_changes(painted: list[Painted], ask: Asking) -> Iterator[list[Answer]]
     The light field is left at the last round's state, with the changed reflectance.
 
     Args:
-        ask: what all is asked under; its sentences take one for paint that is out of reach.
+        ask: what all is asked under; its sentences take one for paint that is out of reach.  Where it follows no light
+            the first answers are all, and the light field stays.
 
     Raises: SolveError where no stroke says anything about a material that can be changed.
     """
@@ -79,6 +80,10 @@ def infer_changes(painted: list[Painted], ask: Asking) -> Iterator[list[Answer]]
         raise SolveError("no stroke lies on a material; paint on a surface of the shot")
     original = ask.field.surface
     answers, painted = first_answers(pools, evidence, painted, ask)
+    if not ask.follows_light:
+        evidence = [ask.evidence(p) for p in painted]
+        yield [after_bounce(a, evidence, painted, ask.field) for a in answers]
+        return
     yield from _rounds(answers, painted, original, ask)
 
 

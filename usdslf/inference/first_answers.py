@@ -54,6 +54,7 @@ class Asking:
     said: list[str] = dataclass_field(default_factory=list)  # takes sentences
     left_out: list[float] = dataclass_field(default_factory=list)  # takes of each round the light that it left out
     kept: Gathered = dataclass_field(default_factory=Gathered)  # what was found before for strokes that have names
+    follows_light: bool = True  # False: all is asked in the light as it is, and not what others would give
 
     def evidence(self, painted: Painted) -> Evidence:
         """Returns the evidence of a stroke in the light as it is."""
@@ -119,6 +120,8 @@ def _first_answer(pool: Pool, evidence: list[Evidence], painted: list[Painted], 
 
 def _weighed(answer: Answer, evidence: list[Evidence], painted: list[Painted], ask: Asking) -> Answer:
     """The first answer or none, with what the others would give, found once."""
+    if not ask.follows_light:
+        return _or_nothing(answer, painted, ask)
 
     def find(own: Asking) -> Answer:
         a = _or_nothing(answer, painted, own)

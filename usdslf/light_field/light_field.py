@@ -113,6 +113,12 @@ class LightField:
             other.set_surface(surface)
         return other
 
+    def with_elements(self, elements: Elements) -> LightField:
+        """Returns `with_surface` of the same elements, in the same places, with another reflectance."""
+        other = self.with_surface(Surface.of(elements))
+        other.elements = elements
+        return other
+
     @contextmanager
     def lent(self) -> Iterator[LightField]:
         """Lends a light field that is as this one, for changes that nobody keeps.

@@ -8,8 +8,8 @@ for one renderable gprim (an instance is a mesh of its own), already triangulate
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -278,6 +278,13 @@ class Scene:
             face=cat([m.face_of_triangle for m in ms], (0,), np.int32),
             first_of_mesh=np.concatenate([[0], np.cumsum(count)]).astype(np.int32),
         )
+
+    def with_materials(self, materials: Sequence[Material]) -> Scene:
+        """Returns the scene with others in the place of its materials, as many; its triangles are shared."""
+        assert len(materials) == len(self.materials)
+        other = replace(self, materials=tuple(materials))
+        vars(other)["triangles"] = self.triangles
+        return other
 
     @property
     def up(self) -> F64:
