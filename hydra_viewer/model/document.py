@@ -148,9 +148,19 @@ class Document:
     # ── what was found, and files ──────────────────────────────────────────────────────────────
 
     @property
-    def is_solved(self) -> bool:
-        """Whether what was found is of the strokes as they are."""
+    def is_answered(self) -> bool:
+        """Whether what was found is of the strokes as they are; in the light as it was, perhaps."""
         return are_same(self.found.strokes if self.found is not None else (), self.active)
+
+    @property
+    def is_solved(self) -> bool:
+        """Whether it is, and the light that it sends round was followed."""
+        return self.is_answered and (self.found is None or not self.found.is_first)
+
+    @property
+    def is_shown(self) -> bool:
+        """Whether it is, with its look and its light: nothing more comes."""
+        return self.is_answered and (self.found is None or self.found.is_whole)
 
     def take_found(self, found: Found | None) -> None:
         """Takes what was found of the active strokes."""

@@ -1,6 +1,7 @@
 """Previews: small pictures of the shot by each explanation, and what of it changes beside the paint.
 
-    previewing(shot, found, groups, sight)     a generator that yields a Preview each, then an Effects
+    previewing(shot, found, groups, sight, whole)      a generator that yields a Preview each, then an Effects
+    WholePicture                                        the picture that they begin with, kept from one to the next
 """
 
 from __future__ import annotations
@@ -18,9 +19,11 @@ from hydra_viewer.model.understanding import OF_MATERIAL, Understood
 from usdslf import (
     Camera,
     LivePicture,
+    Material,
     Progress,
     Settings,
     Shot,
+    Solution,
     Stroke,
     UsdslfError,
     author,
@@ -34,6 +37,7 @@ FRAMES = 4  # of a preview
 WHOLE = 220  # width of the picture that tells what changes [pixels]
 MOST = 4  # alternatives that are shown
 LEAST_CROP = 0.22  # of the picture's height
+Materials = Sequence[Material]
 SEEN_CHANGE = 0.01  # mean relative change of a gprim's picture that is said
 
 
@@ -93,9 +97,32 @@ class Effects:
     rows: tuple[Effect, ...]
 
 
+class WholePicture:
+    """The whole picture of a shot, small, and all that is on the device for it; kept as long as it is of that shot."""
+
+    def __init__(self) -> None:
+        self._of: Shot | None = None
+        self._live: LivePicture | None = None
+
+    def seen(self, shot: Shot, sight: Sight) -> LivePicture:
+        """Returns it, begun anew only as far as it has to be."""
+        live, size = self._live, (WHOLE, max(1, round(WHOLE / sight.aspect)))
+        if live is None or self._of is not shot:
+            live = live_picture(shot, sight.camera, size=size)
+        elif live.view.camera is not sight.camera or live.view.size != size:
+            live = live.seen_by(sight.camera, size)
+        self._of, self._live = shot, live
+        return live
+
+    def forget(self) -> None:
+        """Keeps nothing: another shot is there."""
+        self._of = self._live = None
+
+
 def previewing(
-    shot: Shot, found: Found, groups: Sequence[Understood], sight: Sight, known: Collection[tuple[int, str]] = ()
-) -> Generator[Progress | Preview | Effects, None, None]:
+    shot: Shot, found: Found, groups: Sequence[Understood], sight: Sight, whole: WholePicture,
+    known: Collection[tuple[int, str]] = (),
+) -> Generator[Progress | Preview | Effects, None, None]:  # fmt: skip
     """Makes pictures of the alternatives, then looks at what changes.
 
     Args:
@@ -103,12 +130,12 @@ def previewing(
         found: with its look, and lit.
         groups: what was understood of it.
         sight: through which camera.
+        whole: of an earlier call.
         known: number of the group and id of the alternatives whose pictures are there already.
     """
     if found.shot is None:
         return
-    whole = WHOLE, max(1, round(WHOLE / sight.aspect))
-    base: LivePicture = yield from stepwise(lambda: live_picture(shot, sight.camera, size=whole))
+    base: LivePicture = yield from stepwise(lambda: whole.seen(shot, sight))
     with tempfile.TemporaryDirectory(prefix="usdslf-previews-") as folder:
         for number, group in enumerate(groups):
             strokes = [s for s in found.strokes if s.name in group.strokes]
@@ -119,13 +146,13 @@ def previewing(
                     continue
                 path = Path(folder) / f"look_{number}.usda"
                 if alternative.is_chosen:
-                    edited: Shot | str = found.shot
+                    materials: Materials | str = found.shot.scene.materials
                 else:
-                    edited = yield from _edited(shot, found, group.strokes, alternative.id, path)
-                if isinstance(edited, str):
-                    yield Preview(number, alternative.id, None, edited)
+                    materials = yield from _materials(shot, found, group.strokes, alternative.id, path)
+                if isinstance(materials, str):
+                    yield Preview(number, alternative.id, None, materials)
                     continue
-                yield from _picture(near, edited, number, alternative.id)
+                yield from _picture(near, materials, number, alternative.id)
     yield from _effects(base, shot, found, groups)
 
 
@@ -153,22 +180,28 @@ def crop_of(
     return (width, height), (left, top, left + w, top + h)
 
 
-def _edited(
+def _materials(
     shot: Shot, found: Found, names: Sequence[str], id_: str, path: Path
-) -> Generator[Progress, None, Shot | str]:
-    """The shot by an explanation, or why it cannot be had."""
+) -> Generator[Progress, None, Materials | str]:
+    """The materials by an explanation, or why it cannot be had."""
+
+    def with_look(solution: Solution) -> Materials:
+        return solution.materials(shot) or shot.edited(author(shot, solution, path).path).scene.materials
+
     try:
         if OF_MATERIAL in id_:  # of an indirect stroke: what its light comes from is looked for anew
             solution = yield from solve(shot, found.strokes, Settings(choose=dict.fromkeys(names, id_), bounces=1))
         else:
             solution = found.solution.as_chosen(names[0], id_)
-        return (yield from stepwise(lambda: shot.edited(author(shot, solution, path).path)))
+        return (yield from stepwise(lambda: with_look(solution)))
     except UsdslfError as error:
         return str(error)
 
 
-def _picture(near: LivePicture, edited: Shot, group: int, id_: str) -> Generator[Progress | Preview, None, None]:
-    live = yield from stepwise(lambda: near.with_materials(edited.scene.materials))
+def _picture(
+    near: LivePicture, materials: Materials, group: int, id_: str
+) -> Generator[Progress | Preview, None, None]:  # fmt: skip
+    live = yield from stepwise(lambda: near.with_materials(materials))
     for _ in range(FRAMES):
         yield from stepwise(lambda: live.gather_frame(FRAMES))
     yield Preview(group, id_, np.array(live.now(FRAMES).picture))

@@ -1,7 +1,8 @@
 """Work: the long steps of a document, as generators that a worker steps, and that `close` cancels.
 
     opening(path, strokes, options)     a stage, and strokes on it
-    finding(shot, strokes, folder)      what strokes ask for: the sentence first, then the shot under it
+    warming(shot)                       what the first stroke would be the first to need
+    finding(shot, strokes, folder)      what strokes ask for: a sentence at once, then the shot under it, then its light
     saving(shot, found, strokes, files) a stroke layer and a look layer
 
 Each yields how far it is, and what is whole already; it returns its result.
@@ -12,9 +13,12 @@ from __future__ import annotations
 import itertools
 import time
 from collections.abc import Callable, Generator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from hydra_viewer.model.autosave import Recovered, recovered
 from hydra_viewer.model.document import Files, Strokes, are_same
@@ -23,10 +27,14 @@ from hydra_viewer.model.prim_tree import PrimTree
 from usdslf import (
     Look,
     Progress,
+    Settings,
     Shot,
     Solution,
+    Stroke,
+    UsdslfError,
     author,
     frame_of,
+    paint_stroke,
     read_strokes,
     reload_stage,
     solve,
@@ -36,6 +44,9 @@ from usdslf import (
 )
 
 _numbers = itertools.count(1)
+_has_solved = list[bool]()  # a stroke, in this process
+COLOR = (0.4, 0.2, 0.1)
+TRIED = ((0.5, 0.5), (0.5, 0.7), (0.3, 0.6), (0.7, 0.6), (0.5, 0.3))  # places of the picture that a dab may meet
 WAIT = 0.01  # seconds between looks whether a stage is read
 
 
@@ -136,8 +147,33 @@ def make_ready(shot: Shot) -> None:
     _ = shot.scene, shot.tracer, shot.light_field, shot.light_set, shot.camera()
 
 
+def warming(shot: Shot) -> Generator[Progress, None, None]:
+    """Makes what the first stroke on a shot would be the first to ask for; the first shot is painted on for nothing.
+
+    Modules that are loaded and kernels that are built at first use make the first answer of a process late.
+    """
+
+    yield from stepwise(lambda: shot.pictured)
+    dab = None if _has_solved else _dab_of(shot)
+    _has_solved.append(True)
+    if dab is not None:
+        with suppress(UsdslfError):
+            yield from solve(shot, [dab])
+
+
+def _dab_of(shot: Shot) -> Stroke | None:
+    """A dab on what its first camera sees."""
+    for place in TRIED:
+        with suppress(UsdslfError):
+            return paint_stroke(shot.scene, shot.tracer, shot.camera(), [np.array([place])], 0.01, COLOR, aspect=1.6)
+    return None
+
+
 def finding(shot: Shot, strokes: Strokes, folder: Path) -> Generator[Progress | Found, None, Found | None]:
-    """Finds what strokes ask for; yields a Found without a look as soon as there is one, then one without its light.
+    """Finds what strokes ask for; yields each Found that tells or shows more than the one before.
+
+    First comes what direct strokes ask for in the light as it is, which is soon there; then the shot under it, as far
+    as that needs no look; then the same with the light that goes round followed; then the look; then its light.
 
     Args:
         shot: that they are on.
@@ -148,21 +184,35 @@ def finding(shot: Shot, strokes: Strokes, folder: Path) -> Generator[Progress | 
     """
     if not strokes:
         return None
-    solution: Solution = yield from solve(shot, strokes)
-    found = Found(strokes, solution)
-    yield found
+    if any(s.mode == "direct" for s in strokes):
+        first = yield from solve(shot, strokes, Settings(follows_light=False))
+        yield from _shown_at_once(shot, Found(strokes, first, is_first=True))
+    solution = yield from solve(shot, strokes)
+    found = yield from _shown_at_once(shot, Found(strokes, solution))
     path = folder / f"look_{next(_numbers)}.usda"
-
-    def show() -> Found:
-        look = author(shot, solution, path)
-        edited = shot.edited(path)
-        _ = edited.scene
-        return replace(found, look=look, shot=edited)
-
-    shown = yield from stepwise(show)
+    shown = yield from stepwise(lambda: _with_look(shot, found, path))
     yield shown
     yield from stepwise(lambda: shown.shot.light_field if shown.shot else None)
     return replace(shown, is_lit=True)
+
+
+def _shown_at_once(shot: Shot, found: Found) -> Generator[Progress | Found, None, Found]:
+    """Yields what was found, then the same with the shot under it where that needs no look; returns it."""
+    yield found
+    under = yield from stepwise(lambda: found.solution.over(shot))
+    if under is not None:
+        found = replace(found, shot=under)
+        yield found
+    return found
+
+
+def _with_look(shot: Shot, found: Found, path: Path) -> Found:
+    """Writes a look and reads the shot under it; where that is what is shown already, it stays."""
+    look = author(shot, found.solution, path)
+    edited = shot.edited(path, follows=True)
+    if found.shot is not None and found.shot.shows_same_as(edited):
+        edited = found.shot
+    return replace(found, look=look, shot=edited)
 
 
 @dataclass(frozen=True, eq=False)
@@ -210,7 +260,7 @@ def saving(
     active = tuple(s for s in strokes if s.active)
     if not files.look:
         return files
-    if found is not None and are_same(found.strokes, active):
+    if found is not None and not found.is_first and are_same(found.strokes, active):
         solution = found.solution
     else:
         solution = (yield from solve(shot, active)) if active else Solution()

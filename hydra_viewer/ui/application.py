@@ -26,13 +26,17 @@ OPTIONS: dict[str, Callable[[str], Any]] = {
 }  # fmt: skip
 """Of `Shot.open`, and what each is read as."""
 
+SWITCH = 1e-4
+"""Seconds that the main thread waits for Python's lock where another one computes in Python; each of its calls into Qt
+gives the lock up, and three threads that want it, too, make it wait for ten times that."""
+
 
 def make_application() -> QApplication:
     """Returns the application, the one that runs already where there is one, with the theme."""
     existing = QApplication.instance()
     if isinstance(existing, QApplication):
         return existing
-    sys.setswitchinterval(0.001)  # the main thread waits no longer for one that computes
+    sys.setswitchinterval(SWITCH)
     application = QApplication([words.TITLE])
     application.setApplicationName(words.TITLE)
     apply_theme(application)

@@ -23,7 +23,11 @@ SIZE = (900, 450)  # of the picture [pixels]
 LEFT, NO_BUTTON = Qt.MouseButton.LeftButton, Qt.MouseButton.NoButton
 ALT, NO_KEY = Qt.KeyboardModifier.AltModifier, Qt.KeyboardModifier.NoModifier
 STROKES = (((0.30, 0.58), (0.36, 0.55)), ((0.44, 0.62), (0.47, 0.66)), ((0.55, 0.40), (0.56, 0.48)))
-LIMITS = {"orbit frame": 0.1, "pointer to brush mark": 0.03, "release to sentence": 0.5, "release to picture": 1.0}
+LIMITS: dict[str, float | None] = {
+    "orbit frame": 0.1, "pointer to brush mark": 0.03, "release to sentence": 0.5, "release to picture": 1.0,
+    "release to light followed": None, "release to its picture": None,
+}  # fmt: skip
+"""Steps, with the seconds that each may take; None: not said."""
 GIVE_UP = 120.0  # seconds
 
 
@@ -72,7 +76,7 @@ def measure(stage: str, options: dict[str, Any]) -> dict[str, Any]:
         {"step": name, "seconds": median(times), "worst": max(times), "limit_seconds": LIMITS[name]}
         for name, times in found.items()
     ]
-    return {"rows": rows, "stalls": [{"seconds": s.seconds, "where": s.where} for s in stalls.found]}
+    return {"rows": rows, "stalls": [vars(stall) for stall in stalls.found]}
 
 
 def _orbit(window: Window, steps: int = 20) -> list[float]:
@@ -92,7 +96,7 @@ def _orbit(window: Window, steps: int = 20) -> list[float]:
 
 
 def _paint(window: Window, path: tuple[tuple[float, float], ...], found: dict[str, list[float]]) -> None:
-    """A stroke: seconds to each mark, to the sentence, and to the picture under it."""
+    """A stroke: seconds to each mark, to the sentence and the picture under it, and to both with the light followed."""
     canvas, document, painted = window.painting.canvas, window.document, _Painted()
     canvas.overlay.installEventFilter(painted)
     (x, y), (u, v) = path
@@ -103,18 +107,57 @@ def _paint(window: Window, path: tuple[tuple[float, float], ...], found: dict[st
         _wait(lambda before=before: painted.count > before)  # type: ignore[misc]
         found["pointer to brush mark"].append(time.perf_counter() - began)
     canvas.overlay.removeEventFilter(painted)
-    pictures: list[int] = []
-    was, count = document.found, lambda: pictures.append(0)
-    canvas.viewport.changed.connect(count)
-    began = time.perf_counter()
+    was, began = document.found, time.perf_counter()
+    seen = _Seen(window, was)
     _send(canvas, QEvent.Type.MouseButtonRelease, (u, v), NO_KEY)
-    _wait(lambda: document.found is not None and document.found is not was)
-    found["release to sentence"].append(time.perf_counter() - began)
-    _wait(lambda: document.found is not None and document.found.shot is not None)
-    before = len(pictures)
-    _wait(lambda: len(pictures) > before)
-    found["release to picture"].append(time.perf_counter() - began)
-    canvas.viewport.changed.disconnect(count)
+    _wait(lambda: seen.is_whole)
+    for name, at in seen.times.items():
+        found[name].append(at - began)
+    seen.stop()
+
+
+class _Seen(QObject):
+    """Notes when an artist sees what: the sentence, the picture under it, and both with the light followed.
+
+    Attributes:
+        times: by step, of `time.perf_counter`.
+    """
+
+    def __init__(self, window: Window, before: object) -> None:
+        super().__init__()
+        self.times: dict[str, float] = {}
+        self._window, self._before = window, before
+        window.explaining.groups_changed.connect(self._read)
+        window.painting.canvas.viewport.changed.connect(self._look)
+
+    def _note(self, name: str) -> None:
+        self.times.setdefault(name, time.perf_counter())
+
+    def _read(self) -> None:
+        document = self._window.document
+        if self._window.understanding_panel.sentences and document.found is not self._before:
+            self._note("release to sentence")
+            if document.is_solved:
+                self._note("release to light followed")
+
+    def _look(self) -> None:
+        found = self._window.document.found
+        if found is None or found is self._before or found.shot is None:
+            return
+        shown = self._window.painting.canvas.viewport.shown
+        if shown is not None and shown.edited is found.shot:
+            self._note("release to picture")
+            if shown.is_lit and found.is_lit:
+                self._note("release to its picture")
+
+    @property
+    def is_whole(self) -> bool:
+        return len(self.times) == 4
+
+    def stop(self) -> None:
+        """Looks no more."""
+        self._window.explaining.groups_changed.disconnect(self._read)
+        self._window.painting.canvas.viewport.changed.disconnect(self._look)
 
 
 def _send(widget: QWidget, kind: QEvent.Type, at: tuple[float, float], held: Qt.KeyboardModifier) -> None:

@@ -153,11 +153,10 @@ class Canvas(QWidget):
             self.viewport.show_shot(None)
         elif self._instead is not None:
             self.viewport.show_shot(self._instead)
-        elif found is None or found.shot is None or found.look is None:
-            if found is None:
-                self.viewport.show_shot(Shown(shot, shot))
-        else:
-            self.viewport.show_shot(Shown(shot, found.shot, found.look.path, found.is_lit))
+        elif found is None:
+            self.viewport.show_shot(Shown(shot, shot))
+        elif found.shot is not None:
+            self.viewport.show_shot(Shown(shot, found.shot, found.look.path if found.look else "", found.is_lit))
         self.overlay.update()
 
     def let_go(self) -> Callable[[], bool]:

@@ -14,7 +14,7 @@ from PySide6.QtCore import QObject, Signal
 from hydra_viewer.model.document import Document
 from hydra_viewer.model.easel import Easel
 from hydra_viewer.model.found import Found
-from hydra_viewer.model.previews import Effects, Preview, Sight, previewing
+from hydra_viewer.model.previews import Effects, Preview, Sight, WholePicture, previewing
 from hydra_viewer.model.scope_mask import scope_mask
 from hydra_viewer.model.stroke_edits import changed, chosen, is_same_paint
 from hydra_viewer.model.understanding import Understood, understood
@@ -65,6 +65,7 @@ class Explaining(QObject):
         self.aspect = 1.6
         self.preview_size = PREVIEW
         self._found: Found | None = None
+        self._whole = WholePicture()
         self._forget()
         document.found_changed.connect(self._take_found)
         document.strokes_changed.connect(self._strokes_changed)
@@ -84,7 +85,7 @@ class Explaining(QObject):
     @property
     def is_current(self) -> bool:
         """Whether what was understood is of the strokes as they are."""
-        return self._document.is_solved and bool(self.groups or not self._document.active)
+        return self._document.is_answered and bool(self.groups or not self._document.active)
 
     @property
     def is_making_pictures(self) -> bool:
@@ -99,6 +100,7 @@ class Explaining(QObject):
     def _shot_changed(self) -> None:
         self._cancel()
         self._found = None
+        self._whole = WholePicture()
         self._forget()
         self._tell_all()
 
@@ -148,9 +150,9 @@ class Explaining(QObject):
         found, shot, view, groups = self._found, self._document.shot, self._easel.view, self.groups
         if found is None or shot is None or view is None:
             return
-        sight, known = Sight(view.camera, self.aspect, self.preview_size), set(self.previews)
+        sight, known, whole = Sight(view.camera, self.aspect, self.preview_size), set(self.previews), self._whole
         self._pictured = found.strokes, view.camera
-        steps = lambda: previewing(shot, found, groups, sight, known)  # noqa: E731
+        steps = lambda: previewing(shot, found, groups, sight, whole, known)  # noqa: E731
         self._start(PREVIEWS, steps, self._end_pictures, self._take_part)
         self.work_changed.emit()
 

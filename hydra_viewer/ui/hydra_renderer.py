@@ -26,7 +26,7 @@ from hydra_viewer.ui.ending import stop_at_exit
 from hydra_viewer.ui.giving_way import give_way
 from hydra_viewer.ui.gl_picture import GlPicture
 from hydra_viewer.ui.viewport import Shown
-from usdslf import Camera, DisplayPass, DisplaySettings, LiveStage, UsdslfError, color_of
+from usdslf import Camera, DisplayPass, DisplaySettings, LiveStage, Shot, UsdslfError, color_of
 
 FRAMES, FEW_FRAMES = 16, 4  # pictures that the mean at rest is of; where each is slow
 SLOW = 0.08  # seconds: what takes longer is drawn coarser while the camera moves
@@ -55,6 +55,10 @@ class Wish:
     display: DisplaySettings = field(default_factory=DisplaySettings)
     delegate: str = ""
     is_held: bool = False
+
+    def shows(self, shot: Shot) -> bool:
+        """Whether it is of a shot, under any look."""
+        return self.shown is not None and self.shown.shot is shot
 
     @property
     def is_complete(self) -> bool:

@@ -87,6 +87,10 @@ class HydraViewport(QObject):
 
     def show_shot(self, shown: Shown | None) -> None:
         """Shows a shot, or another state of it; None: nothing."""
+        if shown is not None and shown.is_ahead:  # Hydra reads a stage: what is there stays until the look is written
+            plain = Shown(shown.shot, shown.shot)
+            self._renderer.ask(lambda w: w if w.shows(shown.shot) else replace(w, shown=plain))
+            return
         self._renderer.ask(lambda w: replace(w, shown=shown))
         if shown is None:
             self._drawn = None

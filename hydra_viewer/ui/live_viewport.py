@@ -83,7 +83,11 @@ class _Screen(QWidget):
 
 
 class LiveViewport(QObject):
-    """The live picture as a viewport; see `viewport.Viewport`."""
+    """The live picture as a viewport; see `viewport.Viewport`.
+
+    Attributes:
+        shown: what the picture on the screen is of; None: there is none.
+    """
 
     changed = Signal()
     failed = Signal(str)
@@ -99,6 +103,7 @@ class LiveViewport(QObject):
         self._resized.connect(self._take_size)
         self._made.connect(self._show)
         self._pixels: NDArray | None = None
+        self.shown: Shown | None = None
         self._wanted, self._is_new, self._is_stopped = _Wanted(), False, False
         self._condition = threading.Condition()
         self._painter = _Painter(self)
@@ -112,7 +117,7 @@ class LiveViewport(QObject):
 
     def show_shot(self, shown: Shown | None) -> None:
         if shown is None:
-            self._pixels = None
+            self._pixels = self.shown = None
             self._screen.show_image(None)
         self._want(shown=shown)
 
@@ -153,9 +158,9 @@ class LiveViewport(QObject):
             self._is_new = True
             self._condition.notify()
 
-    def _show(self, picture: tuple[NDArray, QImage], share: float) -> None:
-        self._pixels = picture[0]
-        self._screen.show_image(picture[1])
+    def _show(self, picture: tuple[Shown, NDArray, QImage], share: float) -> None:
+        self.shown, self._pixels, image = picture
+        self._screen.show_image(image)
         self.changed.emit()
         self.progress.emit(share)
 
@@ -184,11 +189,11 @@ class LiveViewport(QObject):
         """Whether something else is wanted by now."""
         return self._is_new
 
-    def hand_over(self, linear: NDArray, codes: NDArray[np.uint8], share: float) -> None:
+    def hand_over(self, shown: Shown, linear: NDArray, codes: NDArray[np.uint8], share: float) -> None:
         """Hands a picture to the main thread."""
         h, w = codes.shape[:2]
         image = QImage(np.ascontiguousarray(codes).data, w, h, 3 * w, QImage.Format.Format_RGB888).copy()
-        self._made.emit((linear, image), share)
+        self._made.emit((shown, linear, image), share)
 
 
 class _Painter:
@@ -248,7 +253,7 @@ class _Painter:
         assert wanted.shown is not None
         scene = wanted.shown.shot.scene
         codes = display_codes(linear, wanted.display, color_of(scene.ocio or None, scene.working_space))
-        self._viewport.hand_over(linear, codes, share)
+        self._viewport.hand_over(wanted.shown, linear, codes, share)
 
     # ── what can be used again ─────────────────────────────────────────────────────────────────
 

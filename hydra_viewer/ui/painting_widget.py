@@ -11,11 +11,11 @@ from PySide6.QtWidgets import QVBoxLayout, QWidget
 from hydra_viewer.model.document import Document, Files
 from hydra_viewer.model.easel import Easel
 from hydra_viewer.model.navigation import bounds_under, framed, in_sight, points_under, view_of
-from hydra_viewer.model.work import Opened, preparing
+from hydra_viewer.model.work import Opened, preparing, warming
 from hydra_viewer.ui.canvas import Canvas
 from hydra_viewer.ui.collector import collect_here
 from hydra_viewer.ui.live_viewport import LIVE
-from hydra_viewer.ui.solving import Solving
+from hydra_viewer.ui.solving import WARM, Solving
 from hydra_viewer.ui.viewport import ViewportKind
 from hydra_viewer.ui.worker import Job, Worker
 from usdslf import Camera, Shot, Stroke, are_seen
@@ -72,6 +72,7 @@ class PaintingWidget(QWidget):
         self.look_through(None)
         if opened.look is not None:
             self.document.take_found(opened.look)
+        self.worker.start(Job(WARM, lambda: warming(opened.shot), lambda _: None, lambda *_: None, is_quiet=True))
 
     def look_through(self, camera: Camera | str | None) -> None:
         """Looks through a camera, or one of the shot by its path; None: the first one, or one that sees everything."""

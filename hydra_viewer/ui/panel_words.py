@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 # ── Understood ────────────────────────────────────────────────────────────────────────────────────
 NOTHING_PAINTED = "Paint on the picture how a surface should look.\nWhat is understood of it is said here."
 LOOKING = "Looking at the strokes …"
+FOLLOWING = "In the light as it was; what the change sends round is being followed …"
 CHOSEN = "shown"
 ALTERNATIVES = "Or did you mean"
 QUESTION = "Which did you mean?"

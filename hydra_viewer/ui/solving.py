@@ -12,7 +12,7 @@ from hydra_viewer.model.found import Found
 from hydra_viewer.model.work import finding
 from hydra_viewer.ui.worker import Job, Worker
 
-KIND = "solve"
+KIND, WARM = "solve", "warm"
 
 
 class Solving(QObject):
@@ -36,13 +36,14 @@ class Solving(QObject):
     def solve(self) -> None:
         """Finds what the active strokes ask for, in place of what is being found."""
         document, shot, strokes = self._document, self._document.shot, self._document.active
-        if shot is None or document.is_solved:
+        if shot is None or document.is_shown:
             self._worker.cancel(KIND)
             return
         if not strokes:
             self._worker.cancel(KIND)
             self._take(None)
             return
+        self._worker.cancel(WARM)
         folder = Path(self._folder.name)
         self._worker.start(Job(KIND, lambda: finding(shot, strokes, folder), self._take, self._fail, self._take))
 

@@ -1,4 +1,8 @@
-"""Stalls: when the main thread did not answer, for how long, and what it did."""
+"""Stalls: when the main thread did not answer, for how long, and why.
+
+Either it worked itself (`own`), or another thread held Python's lock in one call (`held`: the watching thread did not
+get it either), or the processors were somebody else's.
+"""
 
 from __future__ import annotations
 
@@ -19,10 +23,14 @@ class Stall:
 
     Attributes:
         seconds: how long.
+        own: seconds that the main thread worked in it.
+        held: seconds, the longest of it, that nobody got Python's lock.
         where: the main thread's innermost lines of this program meanwhile, or "" where it was between them.
     """
 
     seconds: float
+    own: float
+    held: float
     where: str
 
 
@@ -36,8 +44,8 @@ class Stalls(QObject):
     def __init__(self, parent: QObject | None = None) -> None:
         super().__init__(parent)
         self.found: list[Stall] = []
-        self._beat = time.perf_counter()
-        self._where = ""
+        self._beat, self._worked = time.perf_counter(), time.thread_time()
+        self._where, self._held = "", 0.0
         self._is_stopped = threading.Event()
         self._main = threading.main_thread().ident or 0
         self._timer = QTimer(self)
@@ -53,14 +61,19 @@ class Stalls(QObject):
         self._thread.join()
 
     def _on_beat(self) -> None:
-        now = time.perf_counter()
+        now, worked = time.perf_counter(), time.thread_time()
         if now - self._beat > STALL:
-            self.found.append(Stall(now - self._beat, self._where))
-        self._beat, self._where = now, ""
+            self.found.append(Stall(now - self._beat, worked - self._worked, self._held, self._where))
+        self._beat, self._worked, self._where, self._held = now, worked, "", 0.0
 
     def _watch(self) -> None:
-        while not self._is_stopped.wait(BEAT_MS / 1000):
-            if time.perf_counter() - self._beat > STALL / 2 and not self._where:
+        while True:
+            asked = time.perf_counter()
+            if self._is_stopped.wait(BEAT_MS / 1000):
+                return
+            now = time.perf_counter()
+            self._held = max(self._held, now - asked - BEAT_MS / 1000)
+            if now - self._beat > STALL / 2 and not self._where:
                 self._where = _innermost(self._main)
 
 

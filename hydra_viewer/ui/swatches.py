@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +14,7 @@ from PySide6.QtWidgets import QSizePolicy, QWidget
 from hydra_viewer.model.brush_color import shot_color, shown_colors
 from hydra_viewer.model.display import DisplaySettings, display_codes
 from hydra_viewer.ui import theme
-from usdslf import Shot
+from usdslf import Color, Shot
 
 EDGE = QColor("#262626")
 ROW = QSize(120, 20)  # pixels, at least
@@ -27,7 +28,15 @@ def shown(linear: Sequence[float] | NDArray, shot: Shot, display: DisplaySetting
         shot: whose colour conversions are used.
         display: of the picture beside it.
     """
-    return QColor.fromRgbF(*(float(c) for c in shown_colors(np.asarray(linear), display, shot_color(shot))[0]))
+    r, g, b = (float(c) for c in np.asarray(linear))
+    return QColor.fromRgbF(*_codes((r, g, b), display, shot_color(shot)))
+
+
+@lru_cache(maxsize=1024)
+def _codes(linear: tuple[float, float, float], display: DisplaySettings, color: Color) -> tuple[float, float, float]:
+    """Code values of a colour: a conversion takes a millisecond, and the same ones are shown again and again."""
+    r, g, b = (float(c) for c in shown_colors(linear, display, color)[0])
+    return r, g, b
 
 
 def shown_picture(linear: NDArray, shot: Shot, display: DisplaySettings) -> QImage:

@@ -71,6 +71,10 @@ class UnderstandingCard(QWidget):
         self._effects.setSpacing(2)
         self._layout.addLayout(self._effects)
 
+    def reads_as(self, group: Understood) -> bool:
+        """Whether a card of a group would say the same, word by word."""
+        return _in_words(self.group) == _in_words(group)
+
     # ── what it says ───────────────────────────────────────────────────────────────────────────
 
     def _add_head(self) -> None:
@@ -217,6 +221,18 @@ class UnderstandingCard(QWidget):
             rest = _dim(words.more(len(effects) - MOST_EFFECTS))
             rest.setToolTip("\n".join(e.path for e in effects[MOST_EFFECTS : MOST_EFFECTS + 20]))
             self._effects.addWidget(rest)
+
+
+def _in_words(group: Understood) -> tuple[object, ...]:
+    """All that a card says of a group."""
+    said = [(c.in_words, c.range_in_words) for c in group.changes]
+    others = [
+        (a.id, a.title, a.is_chosen, None if a.chance is None else words.chance(a.chance),
+         [c.in_words for c in a.changes])
+        for a in group.alternatives
+    ]  # fmt: skip
+    rest = group.strokes, group.rival, group.is_chosen_by_hand, group.sharing, group.also, group.notes, group.scope
+    return group.sentence, said, others, rest
 
 
 def _wrapped(text: str) -> QLabel:

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from PySide6.QtGui import QColor
+from numpy.typing import NDArray
+from PySide6.QtCore import QTimer
+from PySide6.QtGui import QColor, QImage
 from PySide6.QtWidgets import QHBoxLayout, QLabel, QProgressBar, QToolButton, QVBoxLayout, QWidget
 
 from hydra_viewer.model.document import Document
@@ -34,6 +36,11 @@ class UnderstandingPanel(QWidget):
         super().__init__(parent)
         self._document, self._easel, self._explaining = document, easel, explaining
         self.cards: list[UnderstandingCard] = []
+        self._wanted: tuple[Understood, ...] = ()  # the groups that there are to be cards of
+        self._before: list[UnderstandingCard] = []  # cards of other groups, that go or are used again
+        self._images: dict[int, tuple[NDArray, QImage]] = {}  # of previews as the screen shows them, by their picture
+        self._make_others = QTimer(self)
+        self._make_others.timeout.connect(self._make_rest)
         sharp = min(self.devicePixelRatioF(), SHARPEST)
         explaining.preview_size = round(PREVIEW[0] * sharp), round(PREVIEW[1] * sharp)
         self._layout = QVBoxLayout(self)
@@ -51,7 +58,7 @@ class UnderstandingPanel(QWidget):
         explaining.marks_changed.connect(self._show_marked)
         explaining.work_changed.connect(self._show_work)
         document.found_changed.connect(self._say)
-        easel.display_changed.connect(lambda: self._make_cards(tuple(c.group for c in self.cards), is_kept=False))
+        easel.display_changed.connect(self._show_colors)
         self._fill()
 
     def _progress_row(self) -> QWidget:
@@ -73,16 +80,15 @@ class UnderstandingPanel(QWidget):
     @property
     def sentences(self) -> tuple[str, ...]:
         """What it says of the strokes as they are; () while that is looked for."""
-        return tuple(c.group.sentence for c in self.cards) if self._explaining.is_current else ()
+        return tuple(group.sentence for group in self._wanted) if self._explaining.is_current else ()
 
     # ── cards ──────────────────────────────────────────────────────────────────────────────────
 
     def _fill(self) -> None:
         explaining = self._explaining
-        shown_now = tuple(c.group for c in self.cards)
         wanted = tuple(sorted(explaining.groups, key=self._order))[:MOST_CARDS]
-        if shown_now != wanted:
-            self._make_cards(wanted, is_kept=True)
+        if self._wanted != wanted:
+            self._make_cards(wanted)
         for card in self.cards:
             card.setEnabled(explaining.is_current)
         self._say()
@@ -93,37 +99,75 @@ class UnderstandingPanel(QWidget):
         is_first = bool(set(group.strokes) & set(self._explaining.looked_at))
         return -max((names.index(n) for n in group.strokes if n in names), default=0) - is_first * len(names)
 
-    def _make_cards(self, groups: Sequence[Understood], is_kept: bool) -> None:
-        """Makes cards.
+    def _make_cards(self, groups: Sequence[Understood]) -> None:
+        """Makes cards of groups; those that read the same already stay.
 
-        Args:
-            is_kept: those that say the same already stay; False: the screen shows colours otherwise.
+        The first one is there at once, the others one after another when there is nothing else to do: a card takes some
+        milliseconds.
         """
-        before, self.cards = self.cards, []
-        for number, group in enumerate(groups):
-            same = next((c for c in before if c.group == group and c.has_keys == (number == 0)), None)
-            if same is not None and is_kept:  # most cards stay as they are
-                before.remove(same)
-                self._layout.removeWidget(same)
-                self._layout.insertWidget(2 + number, same)
-                self.cards.append(same)
-                continue
-            card = UnderstandingCard(group, self._shown, keys=number == 0)
-            card.chosen.connect(lambda id_, g=group: self._explaining.choose(g, id_))
-            card.scope_chosen.connect(lambda scope, g=group: self._explaining.set_scope(g, scope))
-            card.scope_looked_at.connect(lambda scope, g=group: self._look_at(g, scope))
-            card.dab_asked.connect(lambda is_asked, g=group: self._ask_dab(g, is_asked))
-            self._layout.insertWidget(2 + number, card)
-            self.cards.append(card)
-        for card in before:
+        self._wanted, self._before, self.cards = tuple(groups), [*self.cards, *self._before], []
+        for card in self._before:
+            card.setVisible(any(card.reads_as(g) for g in groups))
+        kept = {id(p.picture) for p in self._explaining.previews.values()}
+        self._images = {key: pair for key, pair in self._images.items() if key in kept}
+        if groups:
+            self._make_next()
+        self._make_others.start()
+
+    def _make_next(self) -> None:
+        number = len(self.cards)
+        group = self._wanted[number]
+        card = next((c for c in self._before if c.reads_as(group) and c.has_keys == (number == 0)), None)
+        if card is not None:
+            self._before.remove(card)
+            self._layout.removeWidget(card)
+            card.group = group
+        else:
+            card = self._new_card(group, number)
+        self._layout.insertWidget(2 + number, card)
+        card.setEnabled(self._explaining.is_current)
+        self.cards.append(card)
+        of = next((n for n, g in enumerate(self._explaining.groups) if g == group), -1)
+        for at, id_ in self._explaining.previews:
+            if at == of:
+                self._show_preview(at, id_)
+        if number == 0:
+            self._show_effects()
+            self._show_marked()
+
+    def _new_card(self, group: Understood, number: int) -> UnderstandingCard:
+        card = UnderstandingCard(group, self._shown, keys=number == 0)
+        card.chosen.connect(lambda id_: self._explaining.choose(card.group, id_))
+        card.scope_chosen.connect(lambda scope: self._explaining.set_scope(card.group, scope))
+        card.scope_looked_at.connect(lambda scope: self._look_at(card.group, scope))
+        card.dab_asked.connect(lambda is_asked: self._ask_dab(card.group, is_asked))
+        return card
+
+    def _make_rest(self) -> None:
+        """The next card, or the end: what is not wanted any more goes, Tab walks through what is there."""
+        if len(self.cards) < len(self._wanted):
+            self._make_next()
+            return
+        self._make_others.stop()
+        for card in self._before:
             self._layout.removeWidget(card)
             card.hide()
             card.deleteLater()
+        self._before = []
         tab_through(self)
-        for number, id_ in self._explaining.previews:
-            self._show_preview(number, id_)
-        self._show_effects()
-        self._show_marked()
+
+    def _show_colors(self) -> None:
+        """The screen shows colours otherwise: all cards are made anew."""
+        groups, self._images = self._wanted, {}
+        self._drop()
+        self._make_cards(groups)
+
+    def _drop(self) -> None:
+        for card in (*self.cards, *self._before):
+            self._layout.removeWidget(card)
+            card.hide()
+            card.deleteLater()
+        self.cards, self._before, self._wanted = [], [], ()
 
     def _shown(self, linear: Sequence[float]) -> QColor:
         shot = self._document.shot
@@ -132,8 +176,12 @@ class UnderstandingPanel(QWidget):
 
     def _say(self) -> None:
         document = self._document
-        nothing = not document.active
-        text = words.NOTHING_PAINTED if nothing else "" if self._explaining.is_current else words.LOOKING
+        if not document.active:
+            text = words.NOTHING_PAINTED
+        elif not self._explaining.is_current:
+            text = words.LOOKING
+        else:
+            text = "" if document.is_solved else words.FOLLOWING
         self._said.setText(text)
         self._said.setVisible(bool(text))
 
@@ -151,7 +199,10 @@ class UnderstandingPanel(QWidget):
         if preview.picture is None:
             tile.forbid(preview.why_not)
         else:
-            tile.show_picture(shown_picture(preview.picture, shot, self._easel.display))
+            key = id(preview.picture)
+            if key not in self._images:
+                self._images[key] = preview.picture, shown_picture(preview.picture, shot, self._easel.display)
+            tile.show_picture(self._images[key][1])
 
     def _show_effects(self) -> None:
         """What changes beside the paint is said once, on the first card."""

@@ -27,8 +27,7 @@ class Shown:
 
     Attributes:
         shot: as its files have it.
-        edited: with the look over it; the same as `shot` without one.  Its `stage` is a Usd.Stage that belongs to it
-            alone.
+        edited: with the look over it; the same as `shot` without one.
         look: path of the look layer that is over it, composed as the strongest opinion, "" without one.  Its content
             changes from one to the next, its path too.
         is_lit: the light field of `edited` is made; False: it would have to be, and comes next.
@@ -38,6 +37,11 @@ class Shown:
     edited: Shot
     look: str = ""
     is_lit: bool = True
+
+    @property
+    def is_ahead(self) -> bool:
+        """Whether `edited` is under a look that is not written yet: no stage shows it."""
+        return not self.look and self.edited is not self.shot
 
 
 class Viewport(Protocol):

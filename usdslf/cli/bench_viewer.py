@@ -45,8 +45,10 @@ def lines_of_viewer(found: dict[str, Any]) -> Iterator[str]:
     """Yields the lines of a table."""
     yield f"{'the viewer, 900 x 450':<26}{'median':>10}{'worst':>10}{'at most':>10}"
     for row in found["rows"]:
-        yield f"{row['step']:<26}" + "".join(f"{1000 * row[k]:>7.0f} ms" for k in ("seconds", "worst", "limit_seconds"))
+        times = (row[k] for k in ("seconds", "worst", "limit_seconds"))
+        yield f"{row['step']:<26}" + "".join(f"{1000 * t:>7.0f} ms" if t is not None else f"{'-':>10}" for t in times)
     stalls = found["stalls"]
     yield f"main thread: {len(stalls)} stalls above 50 ms" if stalls else "main thread: no stall above 50 ms"
     for stall in sorted(stalls, key=lambda s: -s["seconds"])[:8]:
-        yield f"  {1000 * stall['seconds']:.0f} ms  {stall['where']}".rstrip()
+        parts = f"of it own work {1000 * stall['own']:.0f}, Python's lock held elsewhere {1000 * stall['held']:.0f}"
+        yield f"  {1000 * stall['seconds']:.0f} ms, {parts}  {stall['where']}".rstrip()

@@ -9,7 +9,7 @@ import pytest
 from kit.painted_table import CAMERA, ON_RED, OPTIONS, write_table
 
 from hydra_viewer.model.found import Found
-from hydra_viewer.model.previews import Effects, Preview, Sight, crop_of, effects_of, previewing
+from hydra_viewer.model.previews import Effects, Preview, Sight, WholePicture, crop_of, effects_of, previewing
 from hydra_viewer.model.scope_mask import scope_mask
 from hydra_viewer.model.understanding import Understood, title_of, understood
 from usdslf import Shot, Solution, Stroke, UsdslfError, author, paint_stroke, run, seen_prims, solve
@@ -84,7 +84,7 @@ def test_another_explanation_is_had_without_solving_and_is_what_solving_begins_w
 
 
 def test_previews_differ_where_the_stroke_is_and_effects_tell_paint_from_light(case: Case) -> None:
-    made = list(previewing(case.shot, case.found, (case.group,), case.sight))
+    made = list(previewing(case.shot, case.found, (case.group,), case.sight, WholePicture()))
     previews = {p.id: p.picture for p in made if isinstance(p, Preview)}
     assert list(previews) == [a.id for a in case.group.alternatives[: len(previews)]]
     assert all(p is not None and p.shape == (SIZE[1], SIZE[0], 3) for p in previews.values())
