@@ -1,16 +1,21 @@
 """An hour of an artist's work in a few minutes: strokes, undo, redo, camera moves, switches between shots.
 
-    python tests/bench/viewer_hour.py [STROKES]     500 by default; prints memory as it goes, fails where work is lost
+    python tests/bench/viewer_hour.py [STROKES [MINUTES]]     500 by default, and as long as they take
 
-Memory may grow while caches fill, in the first third; after that what it grows by is printed a stroke.
+Prints memory as it goes, and fails where work is lost.  Memory may grow while caches fill, in the first third; what it
+grows by after that is printed.  What the C library keeps of freed memory is given back before it is measured, where
+that can be done: it comes and goes.
 """
 
 from __future__ import annotations
 
+import ctypes
 import gc
+import math
 import resource
 import sys
 import tempfile
+import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
@@ -29,7 +34,7 @@ from hydra_viewer.model.document import Files
 from hydra_viewer.ui.window import Window
 from usdslf import read_strokes
 
-PER_SHOT = 12
+PER_SHOT = 25
 ON_TABLE = np.array([[0.35, 0.85], [0.4, 0.87], [0.45, 0.86]])
 
 
@@ -43,23 +48,26 @@ class Hour:
 
 
 def work(
-    count: int, folder: Path, say: Callable[[str], None] = lambda said: None, per_shot: int = PER_SHOT
-) -> Hour:
+    count: int, folder: Path, minutes: float = math.inf, per_shot: int = PER_SHOT,
+    say: Callable[[str], None] = lambda said: None,
+) -> Hour:  # fmt: skip
     """Paints strokes on two shots in turn, and counts those that did not reach their file.
 
     Args:
-        say: told after each shot.
+        minutes: after which no other shot is begun.
         per_shot: strokes before the shot is saved and another one opened.
+        say: told after each shot.
     """
-    hour, rng = Hour(), np.random.default_rng(0)
+    hour, rng, until = Hour(), np.random.default_rng(0), time.monotonic() + 60 * minutes
     stages = []
     for name, build in (("roll", roll), ("crowd", crowd)):
         (folder / name).mkdir()
         stages.append(build(folder / name))
     with opened(stages[0], stages[0].with_name("strokes_0.usda"), stages[0].with_name("look.usda")) as window:
         number = 0
-        while hour.strokes < count:
-            painted = _paint_shot(window, min(per_shot, count - hour.strokes), rng)
+        while hour.strokes < count and time.monotonic() < until:
+            painted = min(per_shot, count - hour.strokes)
+            _paint_shot(window, painted, rng)
             hour.strokes += painted
             window.filing.save()
             wait_for(lambda: window.worker.is_idle and window.document.is_saved)
@@ -69,15 +77,15 @@ def work(
             before = window.document.shot
             window.filing.open(Files(str(stage), str(stage.with_name(f"strokes_{number}.usda")), ""))
             wait_for(lambda before=before: window.document.shot is not before)
-            gc.collect()
+            _give_back()
             hour.memory.append(_resident())
             say(f"{hour.strokes} strokes, {hour.lost} lost, {hour.memory[-1]:.0f} MiB")
     return hour
 
 
-def _paint_shot(window: Window, count: int, rng: np.random.Generator) -> int:
-    """Strokes on one shot, with what an artist does between them; returns how many there are at the end."""
-    canvas, document = window.painting.canvas, window.document
+def _paint_shot(window: Window, count: int, rng: np.random.Generator) -> None:
+    """Strokes on one shot, with what an artist does between them."""
+    canvas = window.painting.canvas
     for n in range(count):
         drag(canvas, [tuple(p) for p in ON_TABLE + rng.uniform(-0.1, 0.1, 2) * [1, 0.5]])
         if n % 4 == 1:
@@ -86,10 +94,17 @@ def _paint_shot(window: Window, count: int, rng: np.random.Generator) -> int:
         if n % 3 == 2:
             drag(canvas, [(0.5, 0.5), tuple(0.5 + rng.uniform(-0.05, 0.05, 2))], ALT)
             QTest.keyClick(window, Qt.Key.Key_0)
-        if n % 5 == 4:
+        if n % 8 == 7:
             solved(window)
     solved(window)
-    return len(document.strokes)
+
+
+def _give_back() -> None:
+    """Frees what nobody holds, also what the C library keeps of it."""
+    gc.collect()
+    trim = getattr(ctypes.CDLL(None), "malloc_trim", None) if sys.platform == "linux" else None
+    if trim is not None:
+        trim(0)
 
 
 def _resident() -> float:
@@ -106,7 +121,8 @@ def growth(memory: list[float]) -> float:
 
 if __name__ == "__main__":
     with tempfile.TemporaryDirectory() as made:
-        found = work(int(sys.argv[1]) if len(sys.argv) > 1 else 500, Path(made), partial(print, flush=True))
+        count, minutes = (float(x) for x in (*sys.argv[1:], *("500", "inf")[len(sys.argv) - 1 :]))
+        found = work(int(count), Path(made), minutes, say=partial(print, flush=True))
     print(f"{found.strokes} strokes, {found.lost} lost; MiB after each shot: {[round(m) for m in found.memory]}")
     print(f"{growth(found.memory):.2f} MiB from one shot to the next after warm-up")
     sys.exit(1 if found.lost else 0)
