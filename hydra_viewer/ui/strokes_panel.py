@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from PySide6.QtCore import QItemSelectionModel, QSignalBlocker, Qt, QTimer, Signal
@@ -82,7 +82,7 @@ class StrokesPanel(QWidget):
         self._document, self._easel, self._explaining = document, easel, explaining
         self._known_icons: dict[str, QIcon] = {}
         self.tree, self.fields = self._make_tree(), StrokeFields(document, easel)
-        self._empty, self._names = QLabel(words.NO_STROKES), tuple[str, ...]()
+        self._empty, self._shown = QLabel(words.NO_STROKES), tuple[Stroke, ...]()
         layout = QVBoxLayout(self)
         layout.setContentsMargins(8, 8, 8, 8)
         layout.setSpacing(6)
@@ -93,8 +93,9 @@ class StrokesPanel(QWidget):
         layout.addStretch(1)
         self.fields.value_changed.connect(self._change)
         self.fields.color_changed.connect(self._recolor)
-        for announcer in (document.strokes_changed, document.shot_changed, easel.display_changed):
-            announcer.connect(self._fill)
+        document.strokes_changed.connect(self._fill)
+        for announcer in (document.shot_changed, easel.display_changed):
+            announcer.connect(self._fill_anew)
         explaining.groups_changed.connect(self._say_understood)
         self._fill()
 
@@ -138,28 +139,40 @@ class StrokesPanel(QWidget):
 
     # ── rows ───────────────────────────────────────────────────────────────────────────────────
 
+    def _fill_anew(self) -> None:
+        """Makes all rows: colours are shown otherwise, or rows stand elsewhere."""
+        self._shown = ()
+        self.tree.clear()
+        self._fill()
+
     def _fill(self) -> None:
-        current, known = self.tree.currentItem(), set(self._names)
-        self._names = tuple(s.name for s in self._document.strokes)
+        """Makes the rows of the first stroke that is another and of all after it; those before it stay."""
+        strokes, before = self._document.strokes, self._shown
+        current, known = self.tree.currentItem(), {s.name for s in before}
         # what is painted now is looked at, not what was selected before
-        names = set(self.selected) if known.issuperset(self._names) else set()
+        names = set(self.selected) if known.issuperset(s.name for s in strokes) else set()
         at = current.data(0, NAME) if current else ""
+        same = next((i for i, (a, b) in enumerate(zip(strokes, before)) if a is not b), min(len(strokes), len(before)))
+        self._shown = strokes
         with QSignalBlocker(self.tree):
-            self.tree.clear()
-            for stroke, icon_of_it in zip(self._document.strokes, self._icons()):
-                item = self._row(stroke, icon_of_it)
-                self.tree.addTopLevelItem(item)
-                item.setSelected(stroke.name in names)
-                if stroke.name == at:
+            while self.tree.topLevelItemCount() > same:
+                self.tree.takeTopLevelItem(same)
+            for stroke, icon_of_it in zip(strokes[same:], self._icons(strokes[same:])):
+                self.tree.addTopLevelItem(self._row(stroke, icon_of_it))
+            for row, stroke in enumerate(strokes):
+                item = self.tree.topLevelItem(row)
+                if item is not None and item.isSelected() != (stroke.name in names):
+                    item.setSelected(stroke.name in names)
+                if item is not None and stroke.name == at:
                     self.tree.setCurrentItem(item, 0, QItemSelectionModel.SelectionFlag.NoUpdate)
-        self._empty.setVisible(not self._document.strokes)
-        self.tree.setVisible(bool(self._document.strokes))
+        self._empty.setVisible(not strokes)
+        self.tree.setVisible(bool(strokes))
         self._say_understood()
         self._on_selected()
 
-    def _icons(self) -> list[QIcon]:
-        """Of the rows: the colour that was painted, or the tool; colours are converted all at once."""
-        strokes, shot = self._document.strokes, self._document.shot
+    def _icons(self, strokes: Sequence[Stroke]) -> list[QIcon]:
+        """Of rows: the colour that was painted, or the tool; colours are converted all at once."""
+        shot = self._document.shot
         if shot is None or not strokes:
             return [icon(s.tool) for s in strokes]
         colors = shown_colors([s.colors.mean(0) for s in strokes], self._easel.display, shot_color(shot))
@@ -193,8 +206,10 @@ class StrokesPanel(QWidget):
                 is_on = item.checkState(0) == Qt.CheckState.Checked
                 chosen = group.chosen if group and is_on else None
                 title = words.understood_as(chosen.brief, group.is_chosen_by_hand) if group and chosen else ""
-                item.setText(2, title if is_on else words.SWITCHED_OFF)
-                item.setToolTip(2, group.sentence if group and is_on else "")
+                text, tip = title if is_on else words.SWITCHED_OFF, group.sentence if group and is_on else ""
+                if (item.text(2), item.toolTip(2)) != (text, tip):
+                    item.setText(2, text)
+                    item.setToolTip(2, tip)
 
     @property
     def selected(self) -> tuple[str, ...]:
@@ -232,6 +247,7 @@ class StrokesPanel(QWidget):
     def _reorder(self) -> None:
         items = [self.tree.topLevelItem(row) for row in range(self.tree.topLevelItemCount())]
         order = [item.data(0, NAME) for item in items if item is not None]
+        self._shown = ()  # its rows stand elsewhere
         self._do(words.MOVED, placed(self._document.strokes, order))
 
     def _change(self, field: str, value: Any) -> None:
