@@ -153,10 +153,8 @@ class Canvas(QWidget):
             self.viewport.show_shot(None)
         elif self._instead is not None:
             self.viewport.show_shot(self._instead)
-        elif found is None:
-            self.viewport.show_shot(Shown(shot, shot))
-        elif found.shot is not None:
-            self.viewport.show_shot(Shown(shot, found.shot, found.look.path if found.look else "", found.is_lit))
+        elif found is None or found.shot is not None:  # else what is shown stays until there is something to show
+            self.viewport.show_shot(Shown.of(shot, found))
         self.overlay.update()
 
     def let_go(self) -> Callable[[], bool]:

@@ -27,13 +27,6 @@ PIXELS = 300_000  # of a difference
 WAIT_MS = 80  # between two differences
 
 
-def shown_of(shot: Shot, found: Found | None) -> Shown:
-    """Returns what a viewport is to show of a look; None: the shot without one."""
-    if found is None or found.shot is None or found.look is None:
-        return Shown(shot, shot)
-    return Shown(shot, found.shot, found.look.path, found.is_lit)
-
-
 class _Handle(QWidget):
     """The line of a wipe."""
 
@@ -148,7 +141,7 @@ class CompareLayer(QObject):
         state, shot = self._comparison.state, self._document.shot
         self.is_beside = shot is not None and state.mode in ("wipe", "difference")
         self._canvas.show_instead(
-            shown_of(shot, self._comparison.other) if shot is not None and state.mode == "other" else None
+            Shown.of(shot, self._comparison.other) if shot is not None and state.mode == "other" else None
         )
         if self._now is not self._canvas.viewport:
             self._end()
@@ -175,7 +168,7 @@ class CompareLayer(QObject):
             self._show_view()
         if self._shows != (self._comparison.other,):
             self._shows = (self._comparison.other,)
-            self.other.show_shot(shown_of(shot, self._comparison.other))
+            self.other.show_shot(Shown.of(shot, self._comparison.other))
 
     def _on_other_changed(self) -> None:
         if not self._is_there:

@@ -85,6 +85,11 @@ class HydraViewport(QObject):
         self._renderer.ended.connect(self._on_ended)
         _KEPT.add(self)
 
+    @property
+    def shown(self) -> Shown | None:
+        """What the picture is of."""
+        return None if self._drawn is None else self._drawn.wish.shown
+
     def show_shot(self, shown: Shown | None) -> None:
         """Shows a shot, or another state of it; None: nothing."""
         if shown is not None and shown.is_ahead:  # Hydra reads a stage: what is there stays until the look is written

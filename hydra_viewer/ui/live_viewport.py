@@ -83,11 +83,7 @@ class _Screen(QWidget):
 
 
 class LiveViewport(QObject):
-    """The live picture as a viewport; see `viewport.Viewport`.
-
-    Attributes:
-        shown: what the picture on the screen is of; None: there is none.
-    """
+    """The live picture as a viewport; see `viewport.Viewport`."""
 
     changed = Signal()
     failed = Signal(str)
@@ -103,7 +99,7 @@ class LiveViewport(QObject):
         self._resized.connect(self._take_size)
         self._made.connect(self._show)
         self._pixels: NDArray | None = None
-        self.shown: Shown | None = None
+        self._shown: Shown | None = None  # what the picture on the screen is of
         self._wanted, self._is_new, self._is_stopped = _Wanted(), False, False
         self._condition = threading.Condition()
         self._painter = _Painter(self)
@@ -115,9 +111,13 @@ class LiveViewport(QObject):
     def widget(self) -> QWidget:
         return self._screen
 
+    @property
+    def shown(self) -> Shown | None:
+        return self._shown
+
     def show_shot(self, shown: Shown | None) -> None:
         if shown is None:
-            self._pixels = self.shown = None
+            self._pixels = self._shown = None
             self._screen.show_image(None)
         self._want(shown=shown)
 
@@ -159,7 +159,7 @@ class LiveViewport(QObject):
             self._condition.notify()
 
     def _show(self, picture: tuple[Shown, NDArray, QImage], share: float) -> None:
-        self.shown, self._pixels, image = picture
+        self._shown, self._pixels, image = picture
         self._screen.show_image(image)
         self.changed.emit()
         self.progress.emit(share)

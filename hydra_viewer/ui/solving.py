@@ -5,7 +5,7 @@ from __future__ import annotations
 import tempfile
 from pathlib import Path
 
-from PySide6.QtCore import QObject, Signal
+from PySide6.QtCore import QObject, QTimer, Signal
 
 from hydra_viewer.model.document import Document
 from hydra_viewer.model.found import Found
@@ -31,7 +31,16 @@ class Solving(QObject):
         self._document, self._worker = document, worker
         self._folder = tempfile.TemporaryDirectory(prefix="usdslf-looks-")
         document.strokes_changed.connect(self.solve)
-        document.shot_changed.connect(lambda: worker.cancel(KIND))
+        document.shot_changed.connect(self._on_shot_changed)
+
+    def _on_shot_changed(self) -> None:
+        """Drops what is being found on another shot; what was not found yet is found on this one."""
+        self._worker.cancel(KIND)
+        QTimer.singleShot(0, self, self._solve_rest)
+
+    def _solve_rest(self) -> None:
+        if not self._worker.is_doing(KIND):
+            self.solve()
 
     def solve(self) -> None:
         """Finds what the active strokes ask for, in place of what is being found."""

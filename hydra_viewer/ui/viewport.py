@@ -18,6 +18,7 @@ from PySide6.QtCore import SignalInstance
 from PySide6.QtWidgets import QWidget
 
 from hydra_viewer.model.display import DisplaySettings
+from hydra_viewer.model.found import Found
 from usdslf import Camera, Shot
 
 
@@ -37,6 +38,13 @@ class Shown:
     edited: Shot
     look: str = ""
     is_lit: bool = True
+
+    @staticmethod
+    def of(shot: Shot, found: Found | None) -> Shown:
+        """Returns what was found over a shot; None, or what has no shot yet: the shot without a look."""
+        if found is None or found.shot is None:
+            return Shown(shot, shot)
+        return Shown(shot, found.shot, found.look.path if found.look else "", found.is_lit)
 
     @property
     def is_ahead(self) -> bool:
@@ -66,6 +74,10 @@ class Viewport(Protocol):
     @property
     def progress(self) -> SignalInstance:
         """Signal(float): how far the picture is, 0..1; 1: it gets no better."""
+
+    @property
+    def shown(self) -> Shown | None:
+        """What the picture on the screen is of; None: there is none yet."""
 
     def show_shot(self, shown: Shown | None) -> None:
         """Shows a shot, or another state of the one that it shows; None: nothing."""

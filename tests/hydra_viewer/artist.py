@@ -303,6 +303,12 @@ def send_to_review(artist: Artist, files: Files) -> None:
     artist.click(panel.review_button)
     artist.wait(lambda: panel.review is not None and window.worker.is_idle)
     artist.shoot("review")
+    artist.click(panel.modes["blink"])
+    artist.wait(lambda: panel.picture.shows_after)
+    artist.shoot("review blinks")
+    artist.click(panel.modes["difference"])
+    panel.gain.setValue(16)
+    artist.shoot("review magnified")
     head = panel.tree.topLevelItem(0)
     assert head is not None
     row = head.child(0)
@@ -313,6 +319,7 @@ def send_to_review(artist: Artist, files: Files) -> None:
     panel.note.setFocus()
     QTest.keyClicks(panel.note, "too much, see the daily")
     artist.shoot("rejected")
+    switch_off(artist, files)
     artist.click(panel.modes["indirect"])
     area = dock.widget()
     assert isinstance(area, QScrollArea)
@@ -324,6 +331,21 @@ def send_to_review(artist: Artist, files: Files) -> None:
     done = accept_look(files.stage, files.look, str(verdict.with_name("accepted.usda")), read.wish())
     assert done.left_out, "nothing was left out"
     print(f"  accepted {len(done.kept)} inputs, left {len(done.left_out)} out", flush=True)
+
+
+def switch_off(artist: Artist, files: Files) -> None:
+    """Switches a change off, which stays so when the strokes are saved again, and on."""
+    panel = artist.window.review_panel
+    for is_off in (True, False):
+        before = panel.review
+        artist.click(panel.switch)
+        artist.wait(lambda before=before: panel.review not in (None, before) and artist.window.worker.is_idle)
+        assert panel.tree.selected is not None and panel.tree.selected.is_off == is_off
+        if is_off:
+            artist.shoot("switched off")
+            artist.key(Qt.Key.Key_S, CTRL)
+            artist.wait(lambda: artist.window.worker.is_idle)
+            assert "SlfSilent" in Path(files.look).read_text(), "what was off is on again"
 
 
 def main(arguments: Sequence[str]) -> int:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -29,6 +30,7 @@ from PySide6.QtGui import QWheelEvent
 from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QApplication
 
+from hydra_viewer.ui import panel_words as words
 from hydra_viewer.ui.window import Window
 from usdslf import project_points, read_strokes
 
@@ -85,11 +87,18 @@ def test_a_stroke_is_understood_undone_and_done_again(window: Window) -> None:
     assert stroke.surfaces == (BALL,) and np.allclose(stroke.colors, (0.02, 0.3, 0.05))
     assert window.easel.brush.recent[0] == (0.02, 0.3, 0.05)
     painted = lambda: canvas.overlay.grab().toImage().pixelColor(pixel(canvas, on_ball(window)[1]))  # noqa: E731
-    raw = painted()
+    raw, is_first = painted(), list[bool]()
     assert raw.green() > 1.5 * raw.red() and raw.green() > 1.5 * raw.blue()  # until there is an answer
+    document.found_changed.connect(lambda: is_first.append(document.found is not None and document.found.is_first))
     solved(window)
+    assert is_first[0] and not is_first[-1]  # an answer in the light as it was came before
     assert painted().alpha() == 0  # the picture shows through
     assert "/World/mtl/red" in sentences(window)
+    whole, said = document.found, window.understanding_panel._said
+    document.take_found(replace(whole, is_first=True))
+    assert said.text() == words.FOLLOWING and "/World/mtl/red" in sentences(window)
+    document.take_found(whole)
+    assert not said.isVisible()
     wait_for(lambda: canvas.viewport.pixels().mean((0, 1))[1] > before[1] * 1.005)  # greener
     QTest.keyClick(window, Qt.Key.Key_Z, CTRL)
     assert document.strokes == () and window.redo_action.text().endswith("replace stroke")

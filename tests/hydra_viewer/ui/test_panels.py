@@ -106,6 +106,15 @@ def test_the_timeline_shows_other_frames_with_the_look_over_them(window: Window)
     wait_for(lambda: window.worker.is_idle)
 
 
+def test_a_stroke_that_is_not_found_yet_is_found_at_the_frame_that_one_goes_to(window: Window) -> None:
+    document = window.document
+    before, strokes = document.shot, len(document.strokes)
+    drag(window.painting.canvas, [(0.5, 0.88), (0.55, 0.88)])
+    window.timeline.go_to(1.0 if before.scene.frame != 1.0 else 2.0)
+    wait_for(lambda: document.shot is not before and document.is_shown, 30)
+    assert len(document.found.strokes) == strokes + 1 == len(document.strokes)
+
+
 def test_the_cheat_sheet_lists_every_shortcut(window: Window) -> None:
     QTest.keyClick(window, Qt.Key.Key_F1)
     sheet = window.findChildren(CheatSheet)[-1]
