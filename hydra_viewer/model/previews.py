@@ -35,7 +35,6 @@ from usdslf import (
 
 FRAMES = 4  # of a preview
 WHOLE = 220  # width of the picture that tells what changes [pixels]
-MOST = 4  # alternatives that are shown
 LEAST_CROP = 0.22  # of the picture's height
 Materials = Sequence[Material]
 SEEN_CHANGE = 0.01  # mean relative change of a gprim's picture that is said
@@ -141,7 +140,7 @@ def previewing(
             strokes = [s for s in found.strokes if s.name in group.strokes]
             crop, region = crop_of(shot, strokes, sight)
             near = base.seen_by(sight.camera, crop, region)
-            for alternative in group.alternatives[:MOST] if len(group.alternatives) > 1 else ():
+            for alternative in group.offered:
                 if (number, alternative.id) in known:
                     continue
                 path = Path(folder) / f"look_{number}.usda"

@@ -15,7 +15,9 @@ from usdslf import Shot, Stroke, report_of
 Values = tuple[float, ...]
 TITLES = {"diffuse": "diffuse colour", "specular": "specular colour", "glossiness": "glossiness"}
 NOTHING = "nothing changes"
+MOST = 4  # alternatives that are offered
 OF_MATERIAL = " of "  # in the id of an indirect stroke's explanation
+TIE = "explain it about equally well"  # in what a solve says of a near tie
 
 
 @dataclass(frozen=True)
@@ -122,6 +124,24 @@ class Understood:
         """The explanation that is shown."""
         return next((a for a in self.alternatives if a.is_chosen), None)
 
+    @property
+    def question(self) -> tuple[Alternative, ...]:
+        """The two that are about as likely, the chosen one first; () where there is no question."""
+        asked = self.alternative(self.rival) if self.rival else None
+        return (self.chosen, asked) if self.chosen is not None and asked is not None else ()
+
+    @property
+    def offered(self) -> tuple[Alternative, ...]:
+        """Those that can be chosen, as many as there is room for, the chosen one among them; () where it is alone."""
+        if len(self.alternatives) < 2:
+            return ()
+        first = self.question
+        rest = tuple(a for a in self.alternatives[:MOST] if a not in first)
+        chosen = self.chosen
+        if chosen is not None and chosen not in (*first, *rest):
+            rest = (*rest[: MOST - 1], chosen)
+        return first + rest
+
     def alternative(self, id_: str) -> Alternative | None:
         """Returns the alternative of an id; None where there is none."""
         return next((a for a in self.alternatives if a.id == id_), None)
@@ -144,7 +164,7 @@ def understood(shot: Shot, found: Found) -> tuple[Understood, ...]:
                 break
         else:
             groups.append((same, [stroke]))
-    return tuple(_understood(shot, entry, strokes) for entry, strokes in groups)
+    return tuple(_understood(shot, entry, strokes, found.solution.warnings) for entry, strokes in groups)
 
 
 def value_in_words(values: Sequence[float]) -> str:
@@ -172,7 +192,9 @@ def brief_of(id_: str) -> str:
     return f"{said} of {of.rsplit('/', 1)[-1]}" if of else said
 
 
-def _understood(shot: Shot, entry: Mapping[str, Any], strokes: Sequence[Stroke]) -> Understood:
+def _understood(
+    shot: Shot, entry: Mapping[str, Any], strokes: Sequence[Stroke], warnings: Sequence[str]
+) -> Understood:  # fmt: skip
     painted = tuple(dict.fromkeys(path for s in strokes for path in s.surfaces))
     changes = _changes(entry["before"], entry["after"], entry["range"])
     alternatives = _alternatives(entry)
@@ -182,7 +204,8 @@ def _understood(shot: Shot, entry: Mapping[str, Any], strokes: Sequence[Stroke])
         tuple(s.name for s in strokes), entry["material"], changes,
         1 - min(float(entry["residual_after"]) / before, 1.0), alternatives,
         _rival(alternatives) if entry["ambiguous"] and not by_hand else "", by_hand, painted,
-        tuple(p for p in _showing(shot, entry["material"]) if p not in painted), _also(entry), _notes(entry),
+        tuple(p for p in _showing(shot, entry["material"]) if p not in painted), _also(entry),
+        (*_notes(entry), *_said_of(strokes, warnings)),
         strokes[0].scope, bool(entry["varies"]),
     )  # fmt: skip
 
@@ -207,11 +230,26 @@ def _alternatives(entry: Mapping[str, Any]) -> tuple[Alternative, ...]:
             continue
         before = entry["before"] if "materials" not in each else {}
         changes = _changes(before, each["after"], {})
-        found.append(Alternative(each["id"], title_of(each["id"]), each.get("probability"), changes, is_chosen))
+        title = title_of(each["id"])
+        # nothing is chosen where nothing comes near the paint: then how likely it was says nothing
+        chance = None if is_chosen and title == NOTHING else each.get("probability")
+        found.append(Alternative(each["id"], title, chance, changes, is_chosen))
     return tuple(sorted(found, key=lambda a: (a.title == NOTHING, -(a.chance or 0.0))))
 
 
+def _said_of(strokes: Sequence[Stroke], warnings: Sequence[str]) -> tuple[str, ...]:
+    """What a solve says of strokes beside its answer, without their names; a near tie is asked as a question."""
+    found = []
+    for names, colon, said in (w.partition(": ") for w in warnings):
+        if colon and {s.path for s in strokes} & set(names.split(", ")) and TIE not in said:
+            found.append(said)
+    return tuple(dict.fromkeys(found))
+
+
 def _rival(alternatives: Sequence[Alternative]) -> str:
+    """The other one of a near tie; where nothing changes as nothing comes near the paint, there is none."""
+    if any(a.is_chosen and a.title == NOTHING for a in alternatives):
+        return ""
     others = [a for a in alternatives if not a.is_chosen and a.title != NOTHING]
     return others[0].id if others else ""
 

@@ -11,6 +11,8 @@ from PySide6.QtGui import QColor, QImage
 from usdslf import Camera, Progress, Shot, seen_prims, stepwise
 
 PIXELS = 250_000  # that are asked what they show
+BLURS, SHARPNESS = 2, 4.0  # of a rim
+INSIDE = 26  # opacity within it, of 255
 
 
 def shown_at(shot: Shot, camera: Camera, size: tuple[int, int]) -> Generator[Progress, None, NDArray[np.int32]]:
@@ -26,19 +28,20 @@ def shown_at(shot: Shot, camera: Camera, size: tuple[int, int]) -> Generator[Pro
     return stepwise(lambda: seen_prims(shot, camera, asked).mesh)
 
 
-def rim(is_in: NDArray[np.bool_], color: QColor, width: int = 2) -> QImage:
-    """Returns a picture of the rim of a mask, to be stretched over it.
+def rim(is_in: NDArray[np.bool_], color: QColor) -> QImage:
+    """Returns a picture of the rim of a mask, to be stretched over it: a line without steps, some pixels wide.
 
     Args:
         is_in: (h, w).
-        width: of the rim [pixels of the mask].
     """
-    inner = is_in.copy()
-    for _ in range(width):
-        padded = np.pad(inner, 1, mode="edge")
-        inner = padded[1:-1, 1:-1] & padded[:-2, 1:-1] & padded[2:, 1:-1] & padded[1:-1, :-2] & padded[1:-1, 2:]
+    share = is_in.astype(np.float32)  # of what is about a pixel, that is in
+    for _ in range(BLURS):
+        padded = np.pad(share, 1, mode="edge")
+        across = 0.25 * (padded[:, :-2] + padded[:, 2:]) + 0.5 * padded[:, 1:-1]
+        share = 0.25 * (across[:-2] + across[2:]) + 0.5 * across[1:-1]
     h, w = is_in.shape
-    pixels = np.zeros((h, w, 4), np.uint8)
-    pixels[is_in & ~inner] = (color.red(), color.green(), color.blue(), 255)
-    pixels[inner] = (color.red(), color.green(), color.blue(), 26)
+    pixels = np.empty((h, w, 4), np.uint8)
+    pixels[..., :3] = color.red(), color.green(), color.blue()
+    line = np.clip(SHARPNESS * (0.5 - np.abs(share - 0.5)), 0, 1)
+    pixels[..., 3] = np.maximum(255 * line, np.where(share > 0.5, INSIDE, 0))
     return QImage(pixels.data, w, h, 4 * w, QImage.Format.Format_RGBA8888).copy()

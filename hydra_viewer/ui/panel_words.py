@@ -88,7 +88,7 @@ REVIEW_MODES = {
     "wipe": ("Wipe", "Before on the left, after on the right"),
     "blink": ("Blink", "Before and after in turns"),
     "difference": ("Difference", "How far the two are apart, magnified by the gain"),
-    "indirect": ("By light", "What changes without being edited itself: the difference of the light that it sends"),
+    "indirect": ("Light", "What changes without being edited itself: the difference of the light that it sends"),
 }
 REVIEW_GAIN = "What the difference, and what changes by light, are magnified by"
 PICTURES_COME = "Making pictures …"

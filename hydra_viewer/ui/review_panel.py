@@ -86,8 +86,12 @@ class ReviewPanel(QWidget):
         layout.setSpacing(6)
         layout.addLayout(self._buttons())
         layout.addWidget(self.summary)
-        layout.addWidget(self.views)
-        layout.addLayout(self._mode_row())
+        modes = self._mode_row()
+        row = QHBoxLayout()
+        row.addWidget(self.views, 1)
+        row.addWidget(self.gain)
+        layout.addLayout(row)
+        layout.addLayout(modes)
         for each in (self.picture, self.tree, self.details):
             layout.addWidget(each)
         row = QHBoxLayout()
@@ -118,7 +122,7 @@ class ReviewPanel(QWidget):
     def _mode_row(self) -> QHBoxLayout:
         row, self.modes = choice_row(self, MODES, words.REVIEW_MODES, self._set_mode)
         for button in self.modes.values():
-            button.setStyleSheet("padding: 3px 4px;")
+            button.setStyleSheet("padding: 3px 3px;")
         self.modes[self.picture.mode].setChecked(True)
         self.gain = QDoubleSpinBox(decimals=0, minimum=1, maximum=MOST_GAIN, prefix=words.TIMES)
         self.gain.setValue(self.picture.gain)
@@ -126,7 +130,6 @@ class ReviewPanel(QWidget):
         self.gain.setToolTip(words.REVIEW_GAIN)
         self.gain.setAccessibleName(words.GAIN)
         self.gain.valueChanged.connect(self.picture.set_gain)
-        row.addWidget(self.gain)
         self._set_mode(self.picture.mode)
         return row
 

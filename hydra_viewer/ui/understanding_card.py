@@ -15,7 +15,7 @@ from PySide6.QtWidgets import (
     QWidget,
 )
 
-from hydra_viewer.model.previews import MOST, Effect
+from hydra_viewer.model.previews import Effect
 from hydra_viewer.model.understanding import Alternative, ParameterChange, Understood, value_in_words
 from hydra_viewer.ui import panel_words as words
 from hydra_viewer.ui import theme
@@ -126,23 +126,21 @@ class UnderstandingCard(QWidget):
 
     def _add_alternatives(self) -> None:
         group = self.group
-        if len(group.alternatives) < 2:
+        if not group.offered:
             return
-        asked = group.alternative(group.rival) if group.rival else None
-        if asked is not None and group.chosen is not None:
+        asked = group.question
+        if asked:
             question = QLabel(words.QUESTION)
             question.setToolTip(words.QUESTION_TIP)
             question.setStyleSheet(f"color: {theme.ACCENT}; font-weight: bold;")
             self._layout.addWidget(question)
-            self._add_tiles([group.chosen, asked])
+            self._add_tiles(asked)
             self._add_dab_button()
-            rest = [a for a in group.alternatives[:MOST] if a not in (group.chosen, asked)]
-        else:
-            rest = list(group.alternatives[:MOST])
+        rest = group.offered[len(asked) :]
         if rest:
             self._layout.addWidget(_dim(words.ALTERNATIVES))
             self._add_tiles(rest)
-        if asked is None:
+        if not asked:
             self._add_dab_button()
 
     def _add_tiles(self, alternatives: Sequence[Alternative]) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ from kit.painted_table import CAMERA, ON_RED, OPTIONS, write_table
 from hydra_viewer.model.found import Found
 from hydra_viewer.model.previews import Effects, Preview, Sight, WholePicture, crop_of, effects_of, previewing
 from hydra_viewer.model.scope_mask import scope_mask
-from hydra_viewer.model.understanding import Understood, title_of, understood
+from hydra_viewer.model.understanding import NOTHING, Understood, title_of, understood
 from usdslf import Shot, Solution, Stroke, UsdslfError, author, paint_stroke, run, seen_prims, solve
 
 BLUE = (0.05, 0.08, 0.5)
@@ -81,6 +81,31 @@ def test_another_explanation_is_had_without_solving_and_is_what_solving_begins_w
         case.found.solution.as_chosen("stroke_0001", "gloss")
     with pytest.raises(UsdslfError, match="no answer to the stroke nobody"):
         Solution().as_chosen("nobody", "diffuse")
+
+
+def test_what_a_solve_says_of_a_stroke_is_a_note_but_for_a_near_tie(case: Case) -> None:
+    path = case.stroke.path
+    said = (
+        f"/SlfStrokes/other, {path}: no change of the material comes near what was painted; nothing is changed",
+        f"{path}: diffuse and specular explain it about equally well; paint more or choose",
+        "/SlfStrokes/other: painted 2.0 times brighter than the surface can be",
+        "the shot has no lights",
+    )
+    (group,) = understood(case.shot, replace(case.found, solution=replace(case.found.solution, warnings=said)))
+    assert group.notes == ("no change of the material comes near what was painted; nothing is changed",)
+
+
+def test_nothing_is_offered_where_it_is_chosen_and_asks_no_question(case: Case) -> None:
+    assert case.group.chosen in case.group.offered and len(case.group.offered) == 4 < len(case.group.alternatives)
+    answers = tuple(
+        replace(a, chosen=next(c for c in a.candidates if c.id == "none"), after=a.before)
+        for a in case.found.solution.answers
+    )
+    (group,) = understood(case.shot, replace(case.found, solution=replace(case.found.solution, answers=answers)))
+    assert group.chosen.title == NOTHING and group.chosen.chance is None
+    assert group.offered[-1] is group.chosen and len(group.offered) == 4 and not group.question
+    tie = replace(case.group, rival="specular")
+    assert tie.question == (tie.chosen, tie.alternative("specular")) == tie.offered[:2]
 
 
 def test_previews_differ_where_the_stroke_is_and_effects_tell_paint_from_light(case: Case) -> None:

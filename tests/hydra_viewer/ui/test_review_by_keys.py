@@ -185,6 +185,13 @@ def save_again(window: Window) -> None:
 
 
 @pytest.mark.parametrize("title", PANELS)
+def test_a_panel_is_as_wide_as_its_dock(window: Window, title: str) -> None:
+    go_to(window, title)
+    area = next(d for d in window.docks if d.windowTitle() == title).widget()
+    assert area.widget().minimumSizeHint().width() <= area.viewport().width()  # nothing is cut off at the right
+
+
+@pytest.mark.parametrize("title", PANELS)
 def test_a_key_goes_to_each_panel_and_tab_to_all_its_controls(window: Window, title: str) -> None:
     go_to(window, title)
     if title == words.STROKES_PANEL:
