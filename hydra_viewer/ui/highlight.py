@@ -34,7 +34,7 @@ def rim(is_in: NDArray[np.bool_], color: QColor) -> QImage:
     Args:
         is_in: (h, w).
     """
-    share = is_in.astype(np.float32)  # of what is about a pixel, that is in
+    share: NDArray = is_in.astype(np.float32)  # of what is about a pixel, that is in
     for _ in range(BLURS):
         padded = np.pad(share, 1, mode="edge")
         across = 0.25 * (padded[:, :-2] + padded[:, 2:]) + 0.5 * padded[:, 1:-1]
