@@ -11,7 +11,7 @@ from PySide6.QtGui import QColor, QImage
 from usdslf import Camera, Progress, Shot, seen_prims, stepwise
 
 PIXELS = 250_000  # that are asked what they show
-BLURS, SHARPNESS = 2, 4.0  # of a rim
+BLURS, SHARPNESS = 3, 2.5  # of a rim
 INSIDE = 26  # opacity within it, of 255
 
 
