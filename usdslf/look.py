@@ -33,6 +33,7 @@ from usdslf.progress import step, tell, tell_during
 from usdslf.provenance import program_version, said_of_solve, words_of_phong, words_of_solve
 from usdslf.render.live.picture import LivePicture
 from usdslf.render.picture import LitScene, PictureOptions, render_bands
+from usdslf.scene.difference import look_alike
 from usdslf.scene.records import Camera, Scene
 from usdslf.shot import Shot
 from usdslf.solution import Solution
@@ -80,6 +81,21 @@ class Look:
     warnings: tuple[str, ...] = ()
     seconds: Mapping[str, float] = field(default_factory=dict)
     rebase: Rebase | None = None
+
+    def over(self, shot: Shot, shown: Shot | None = None) -> Shot:
+        """Returns a shot with the look over it, whose light follows; see `Shot.sharing`.
+
+        Args:
+            shot: that it is of.
+            shown: what `Solution.over` gave: where the look is read as the same materials on the same surfaces, value
+                by value, that is returned, with the light that it may have already.
+
+        Raises: InputError where the look cannot be read.
+        """
+        edited = shot.edited(self.path, follows=True)
+        scenes = [s.scene for s in (edited, shown) if s]
+        of = [(s.materials, s.triangles.material) for s in scenes]
+        return shown if shown is not None and look_alike(*of) else edited
 
 
 def author(

@@ -38,7 +38,7 @@ from usdslf.lights.sources import LightSet
 from usdslf.progress import step, tell_during
 from usdslf.rays import RayTracer
 from usdslf.render.overview_camera import overview_camera
-from usdslf.scene.difference import Afresh, is_same_but_for_reflectance, look_alike, why_not_comparable
+from usdslf.scene.difference import Afresh, is_same_but_for_reflectance, why_not_comparable
 from usdslf.scene.records import Camera, Light, Material, Scene
 from usdslf.shot_cache import ShotCache
 from usdslf.surfaces.reflectance import model_of
@@ -304,19 +304,25 @@ class Shot:
     def edited(self, look: str | os.PathLike[str], follows: bool = False) -> Shot:
         """Returns the shot with a look layer over it; see `reopened`.
 
+        Args:
+            look, follows: its file; as of `sharing`.
+
         Raises: InputError where the look cannot be read.
         """
         return self.reopened(open_edited(self.path, look), follows)
 
     def under(self, materials: Sequence[Material]) -> Shot:
-        """Returns the shot under other materials, as many and of the same opacity and glow; light follows."""
+        """Returns the shot under other `materials`, as many and of the same opacity and glow; light follows."""
         other = self._afresh()
         scene = self.scene.with_materials(materials)
         other._take(scene=scene, tracer=self.tracer.under(scene))
         return self.sharing(other, follows=True)
 
     def reopened(self, stage: Any, follows: bool = False) -> Shot:
-        """Returns another composition of the shot, a path or a Usd.Stage, at the same frame; see `sharing`.
+        """Returns another composition of the shot at the same frame; see `sharing`.
+
+        Args:
+            stage, follows: a path or a Usd.Stage; as of `sharing`.
 
         Raises: StageError where the stage cannot be opened.
         """
@@ -327,12 +333,13 @@ class Shot:
         ), follows)  # fmt: skip
 
     def sharing(self, other: Shot, follows: bool = False) -> Shot:
-        """Gives `other`, a state of the shot of which nothing was made yet, what is equal there; returns it.
+        """Gives a state of the shot what is equal there; returns it.
 
         Where geometry, lights, glow and opacity are as they are, as under our looks, elements, visibility and fixed
         light are shared.
 
         Args:
+            other: of which nothing was made yet.
             follows: its light starts as it is here, and follows where a change is seen (light_field/renewal.py), .1 %
                 of all light aside: soon there for who looks at it.
         """
@@ -349,11 +356,6 @@ class Shot:
         if follows:
             other.start.append(self.light_field)
         return other
-
-    def shows_same_as(self, other: Shot) -> bool:
-        """Tells whether another state has the same materials on the same surfaces, value by value."""
-        a, b = self.scene, other.scene
-        return look_alike((a.materials, a.triangles.material), (b.materials, b.triangles.material))
 
     def relit(self, lights: tuple[Light, ...], elements: int | None = None) -> Shot:
         """Returns the shot in other light; glow stays.

@@ -10,6 +10,7 @@ import tempfile
 from collections.abc import Collection, Generator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +20,6 @@ from hydra_viewer.model.understanding import OF_MATERIAL, Understood
 from usdslf import (
     Camera,
     LivePicture,
-    Material,
     Progress,
     Settings,
     Shot,
@@ -36,7 +36,7 @@ from usdslf import (
 FRAMES = 4  # of a preview
 WHOLE = 220  # width of the picture that tells what changes [pixels]
 LEAST_CROP = 0.22  # of the picture's height
-Materials = Sequence[Material]
+Materials = Sequence[Any]  # of a Scene
 SEEN_CHANGE = 0.01  # mean relative change of a gprim's picture that is said
 
 

@@ -209,10 +209,7 @@ def _shown_at_once(shot: Shot, found: Found) -> Generator[Progress | Found, None
 def _with_look(shot: Shot, found: Found, path: Path) -> Found:
     """Writes a look and reads the shot under it; where that is what is shown already, it stays."""
     look = author(shot, found.solution, path)
-    edited = shot.edited(path, follows=True)
-    if found.shot is not None and found.shot.shows_same_as(edited):
-        edited = found.shot
-    return replace(found, look=look, shot=edited)
+    return replace(found, look=look, shot=look.over(shot, found.shot))
 
 
 @dataclass(frozen=True, eq=False)

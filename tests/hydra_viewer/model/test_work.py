@@ -13,6 +13,7 @@ from hydra_viewer.model.found import Found
 from hydra_viewer.model.understanding import understood
 from hydra_viewer.model.work import finding
 from usdslf import Shot, Stroke, paint_stroke
+from usdslf.scene.difference import look_alike
 
 BLUE = (0.05, 0.08, 0.5)
 
@@ -73,10 +74,11 @@ def test_the_first_answer_is_what_the_whole_one_refines(case: Case) -> None:
 
 
 def test_what_is_shown_before_there_is_a_look_is_what_usd_shows_with_it(case: Case) -> None:
-    last = case.told[-1]
-    read = case.shot.edited(last.look.path)
-    assert read.shows_same_as(case.told[3].shot) and not read.shows_same_as(case.shot)
-    assert last.shot is case.told[3].shot  # so it stays, and its light is not made twice
+    last, before = case.told[-1], case.told[3].shot
+    read = case.shot.edited(last.look.path).scene.materials
+    assert look_alike(read, before.scene.materials) and not look_alike(read, case.shot.scene.materials)
+    assert last.shot is before  # so it stays, and its light is not made twice
+    assert last.look.over(case.shot, case.shot) is not case.shot
 
 
 def test_its_light_is_that_of_the_look(case: Case) -> None:
