@@ -29,7 +29,6 @@ class Quality:
 
     antialias: int = 2  # samples on a side of a pixel
     rays: int = 4  # of each sample
-    light_samples: int = 4  # of each source, for each sample
 
     @staticmethod
     def of(samples: int) -> Quality:
@@ -37,8 +36,7 @@ class Quality:
         if samples < 1:
             raise InputError(f"a picture needs at least 1 sample a pixel, not {samples}")
         antialias = 1 if samples < 8 else 2 if samples < 256 else 4
-        rays = max(1, samples // antialias**2)
-        return Quality(antialias, rays, rays)
+        return Quality(antialias, max(1, samples // antialias**2))
 
 
 @dataclass(frozen=True)
