@@ -33,7 +33,7 @@ from contextlib import contextmanager, nullcontext, suppress
 from contextvars import ContextVar, copy_context
 from dataclasses import dataclass
 from queue import Empty, SimpleQueue
-from typing import Any, TypeVar
+from typing import Any, Generic, TypeVar
 
 Result = TypeVar("Result")
 TOLD_EVERY = 0.05  # seconds, at least, where something is waited for
@@ -137,33 +137,52 @@ def tell_during(call: Callable[[], Result]) -> Result:
     hear = _heard_by.get()
     if hear is None or _quiet.get() or _call.get() is not None:
         return call()
-    told: SimpleQueue[Progress | None] = SimpleQueue()
-    made = _Call()
-    results: list[Result] = []
-    errors: list[BaseException] = []
+    outcome, made = _Outcome[Result](), _Call()
 
     def pass_on(progress: Progress) -> None:
         made.go_on()
-        told.put(progress)
+        outcome.told.put(progress)
 
-    def make_call() -> None:
+    def make_call() -> Result:
         _call.set(made)
-        try:
-            with hearing(pass_on):
-                results.append(call())
-        except BaseException as error:
-            errors.append(error)
-        told.put(None)
+        return call()
 
     now = _now.get() or _Step("")
-    told.put(Progress(now.name, now.share))
+    outcome.told.put(Progress(now.name, now.share))
     # Python waits for it at its end: a thread that is cut off in a library's call takes the process down.
-    threading.Thread(target=copy_context().run, args=(make_call,), name="usdslf-call", daemon=False).start()
-    _hear_until_done(hear, told, made)
-    if errors:
-        error = errors.pop()  # which holds this frame: no circle
-        raise error
-    return results.pop()
+    outcome.start("usdslf-call", make_call, pass_on, is_daemon=False)
+    _hear_until_done(hear, outcome.told, made)
+    return outcome.take()
+
+
+class _Outcome(Generic[Result]):
+    """What work on a thread of its own comes to; `told` says how far it is, and None at its end."""
+
+    def __init__(self) -> None:
+        self.told: SimpleQueue[Progress | None] = SimpleQueue()
+        self._results: list[Result] = []
+        self._errors: list[BaseException] = []
+
+    def start(self, name: str, work: Callable[[], Result], hear: Hear, is_daemon: bool) -> threading.Thread:
+        """Begins the work, heard by `hear`, in this context."""
+
+        def work_through() -> None:
+            try:
+                with hearing(hear):
+                    self._results.append(work())
+            except BaseException as error:
+                self._errors.append(error)
+            self.told.put(None)
+
+        thread = threading.Thread(target=copy_context().run, args=(work_through,), name=name, daemon=is_daemon)
+        thread.start()
+        return thread
+
+    def take(self) -> Result:
+        """Returns what the ended work returned, or raises what it raised; once, so that no error holds itself."""
+        if self._errors:
+            raise self._errors.pop()
+        return self._results.pop()
 
 
 def _hear_until_done(hear: Hear, told: SimpleQueue[Progress | None], call: _Call) -> None:
@@ -254,40 +273,26 @@ def stepwise(work: Callable[[], Result]) -> Generator[Progress, None, Result]:
 
     `close` cancels the work: `Cancelled` is raised where it stands.
     """
-    told: SimpleQueue[Progress | None] = SimpleQueue()
+    outcome = _Outcome[Result]()
     go_on, closed = threading.Semaphore(0), threading.Event()
-    results: list[Result] = []
-    errors: list[BaseException] = []
 
     def hear(progress: Progress) -> None:
         if not closed.is_set():
-            told.put(progress)
+            outcome.told.put(progress)
             go_on.acquire()
         if closed.is_set():
             raise Cancelled
 
-    def work_through() -> None:
-        try:
-            with hearing(hear):
-                results.append(work())
-        except BaseException as error:
-            errors.append(error)
-        told.put(None)
-
-    thread = threading.Thread(target=copy_context().run, args=(work_through,), name="usdslf-steps", daemon=True)
-    thread.start()
+    thread = outcome.start("usdslf-steps", work, hear, is_daemon=True)
     try:
-        while (progress := told.get()) is not None:
+        while (progress := outcome.told.get()) is not None:
             yield progress
             go_on.release()
     finally:
         closed.set()
         go_on.release()
         thread.join()
-    if errors:
-        error = errors.pop()  # which holds this frame: no circle
-        raise error
-    return results.pop()
+    return outcome.take()
 
 
 def run(steps: Generator[Progress, None, Result], say: Say | None = None) -> Result:

@@ -12,7 +12,7 @@ import resource
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -21,7 +21,7 @@ import numpy as np
 
 from usdslf.animation.frames import PlacedFrame, carry
 from usdslf.cache import switched
-from usdslf.cli.bench_live import final_step, live_steps
+from usdslf.cli.bench_live import best, final_step, live_steps
 from usdslf.cli.bench_strokes import stroke_steps
 from usdslf.gallery import still_life
 from usdslf.gallery.play import Play
@@ -39,7 +39,6 @@ SIZE = (900, 450)  # of the paper's pictures
 BLOCK = 64  # elements in a run of the ray limit
 RAY_SHARE = 8  # the ray limit is measured on every eighth block
 BYTES_OF_LINK = 4 + 12 + 12 + 12  # a bounce reads link, fixed and outgoing light, and writes outgoing light
-REPEATS = 3
 MOVER = "/still_life/ball"
 
 Row = dict[str, Any]
@@ -124,7 +123,7 @@ def _row(
 
 def _visibility(session: Session) -> tuple[float, str, float]:
     """Time of the warm step, and of embreex alone on the same rays, made beforehand."""
-    seconds = _best(
+    seconds = best(
         lambda: trace_visibility(session.elements, session.lookup, session.tracer, session.device), repeats=1
     )
     elements, tracer = session.elements, session.tracer
@@ -142,7 +141,7 @@ def _visibility(session: Session) -> tuple[float, str, float]:
             pass
 
     share = sum(len(o) for o, _ in rays) / (len(elements) * D)
-    return seconds, "embreex run() on the same rays", _best(run) / share
+    return seconds, "embreex run() on the same rays", best(run) / share
 
 
 def _moved(session: Session) -> tuple[float, str, float]:
@@ -159,7 +158,7 @@ def _moved(session: Session) -> tuple[float, str, float]:
     def trace() -> None:
         trace_visibility(session.elements, session.lookup, session.tracer, session.device)
 
-    turns = [(_best(move, 1), _best(trace, 1)) for _ in range(2)]
+    turns = [(best(move, 1), best(trace, 1)) for _ in range(2)]
     seconds, whole = np.min(turns, axis=0).tolist()
     return seconds, "a trace of everything", whole
 
@@ -172,7 +171,7 @@ def _bounce(session: Session) -> tuple[float, str, float]:
         field.bounce()
         session.device.finish()
 
-    seconds = _best(bounce)
+    seconds = best(bounce)
     links = len(session.elements) * D
     copied = links * BYTES_OF_LINK / copy_bandwidth(session.device)
     multiplied = field.products() / multiply_add_rate(session.device)
@@ -198,7 +197,7 @@ def copy_bandwidth(device: Device, size: int = 1 << 28) -> float:
         device.finish()
 
     copy()
-    return 2 * size / _best(copy)
+    return 2 * size / best(copy)
 
 
 def multiply_add_rate(device: Device, items: int = 1 << 14, rounds: int = 512) -> float:
@@ -210,17 +209,7 @@ def multiply_add_rate(device: Device, items: int = 1 << 14, rounds: int = 512) -
         device.finish()
 
     multiply()
-    return 8 * 16 * items * rounds / _best(multiply)
-
-
-def _best(work: Callable[[], object], repeats: int = REPEATS) -> float:
-    """Least time of some runs [s]."""
-    found = []
-    for _ in range(repeats):
-        began = time.perf_counter()
-        work()
-        found.append(time.perf_counter() - began)
-    return min(found)
+    return 8 * 16 * items * rounds / best(multiply)
 
 
 def peak_memory() -> int:
