@@ -11,12 +11,14 @@ from usdslf.edits.explanation import Explanation
 from usdslf.inference.answers import Answer, means_of
 from usdslf.inference.uncertainty import probabilities
 
+MOST = 16  # of an indirect answer, which has some for each material in sight
+
 
 def alternatives_of(answer: Answer) -> list[Explanation]:
     """Returns all explanations of an answer, the cheapest first, each in the light as it is.
 
-    Of an indirect answer, the chosen one first, they are changes of all materials in sight: `after` is that of the
-    first material that changes, and what is there where none does.
+    Of an indirect answer, the chosen one first, they are the MOST cheapest changes of all materials in sight: `after`
+    is that of the first material that changes, and what is there where none does.
     """
     if answer.others:
         return _of_indirect(answer)
@@ -33,7 +35,7 @@ def alternatives_of(answer: Answer) -> list[Explanation]:
 
 
 def _of_indirect(answer: Answer) -> list[Explanation]:
-    others = sorted(answer.others, key=lambda o: (not o.is_chosen, o.cost is None, o.cost or 0.0))
+    others = sorted(answer.others, key=lambda o: (not o.is_chosen, o.cost is None, o.cost or 0.0))[:MOST]
     chances = probabilities([o.cost for o in others]).tolist()
     return [
         Explanation(o.id, o.cost, chance, as_plain(o.after or answer.before))
