@@ -149,6 +149,7 @@ def test_unexpected_errors_are_one_line(shot: Path, run: Run, monkeypatch: pytes
     assert err.splitlines() == ["usdslf: internal error: ZeroDivisionError: a slip (--debug shows where)"]
 
 
+@pytest.mark.divided
 def test_bench_prints_the_agreed_table(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     from usdslf.cli import bench, bench_live, bench_strokes
 
