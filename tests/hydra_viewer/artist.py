@@ -309,6 +309,7 @@ def send_to_review(artist: Artist, files: Files) -> None:
     artist.click(panel.modes["difference"])
     panel.gain.setValue(16)
     artist.shoot("review magnified")
+    artist.click(panel.modes["wipe"])
     head = panel.tree.topLevelItem(0)
     assert head is not None
     row = head.child(0)
