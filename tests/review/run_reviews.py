@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import shutil
 import sys
 import time
 from collections.abc import Iterator
@@ -200,6 +201,7 @@ def reviewed(name: str, shot: str, look: str, asked: Asked) -> str:
     write_pictures(folder / "pictures", found)
     for old in folder.glob("*.verdict.json"):
         old.unlink()
+    shutil.rmtree(folder / "profile", ignore_errors=True)  # of a browser that remembers what was decided before
     with opened(page, folder) as at:
         at.wait(f"document.getElementById('canvas').width === {asked.size[0]}")
         wrong = work(at, found, folder)
