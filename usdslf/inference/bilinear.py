@@ -97,6 +97,7 @@ class Tables:
     must_hold_energy: bool = False  # d + F0 <= 1 is for the fit to keep
     colored: Colored = Colored.FREE  # what a coloured specular colour takes of the material, where it is no metal
     noise: F64 = field(default_factory=lambda: np.zeros((1, 3)))  # (n, 3) standard error of `before`, by its points
+    doubt: F64 = field(default_factory=lambda: np.zeros((1, 3, 3)))  # (n, 3, 3) of `before`, by d, F0 and F90: doubt.py
 
     @property
     def own(self) -> int:
@@ -147,6 +148,7 @@ class _Rows:
     f0: F64
     f90: F64
     noise: F64
+    doubt: F64
 
 
 def pool_tables(evidences: list[Evidence], material: int, model: str = "preview_surface") -> Tables:
@@ -195,6 +197,7 @@ def pool_tables(evidences: list[Evidence], material: int, model: str = "preview_
         most_diffuse=float(np.clip(cat("opacity").min(), 0, 1)),
         must_hold_energy=not model_of(model).has_fresnel,
         noise=cat("noise"),
+        doubt=cat("doubt"),
     )
 
 
@@ -228,6 +231,7 @@ def _rows_of(e: Evidence, material: int, model: str) -> _Rows:
         f0=mean(f0),
         f90=mean(f90),
         noise=np.sqrt(_variances_of_means(own, e.dab_of_sample)[:n][here]),
+        doubt=np.zeros((len(here), 3, 3)) if e.doubtful is None else mean(e.doubtful),
     )
 
 

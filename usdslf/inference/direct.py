@@ -10,10 +10,12 @@ Source: Nguyen et al. 2013, 5.3 (n-bounce) and Listing 1.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from usdslf.errors import SolveError
 from usdslf.inference.answers import Answer, Painted, changed_surface
+from usdslf.inference.doubt import doubtful_radiance
 from usdslf.inference.first_answers import Asking, first_answers
 from usdslf.inference.pictured import Pictured
 from usdslf.inference.pools import pool_names, sort_into_pools
@@ -60,6 +62,7 @@ def gather_stroke(stroke: Stroke, scene: Scene, light: Pictured, warnings: list[
     stroke = stroke.seen_from(scene.origin)
     light = light.as_sent if stroke.mode == "indirect" else light  # it asks for what surfaces send
     samples, rows = gather_samples(stroke, scene, light.tracer, light.field, light.lights, warnings, light)
+    samples = replace(samples, doubtful=doubtful_radiance(samples, light.field))
     return Painted(stroke, samples, rows, wanted_radiance(stroke, rows, samples, scene, light, warnings))
 
 

@@ -48,6 +48,7 @@ class Evidence:
     unchanging: NDArray[np.float64]  # (S, 3) radiance that no parameter of ours changes: `unchanging_radiance`
     background_sample: NDArray[np.int64]  # (B,) the sample whose reflectance a background row has
     background: NDArray[np.float32]  # (B, J, 4, 3)
+    doubtful: NDArray[np.float64] | None = None  # (S, 3, 3) radiance before any edit, see doubt.py; None: not known
     _made: dict[tuple[Any, ...], Any] = dataclass_field(default_factory=dict, init=False, repr=False)
 
     def once(self, name: tuple[Any, ...], make: Callable[[], Made]) -> Made:
@@ -87,7 +88,7 @@ def build_evidence(
         target = wanted
     return Evidence(
         stroke, target, surface.material[first].astype(np.int64), samples.dab, surface, levels, columns, unchanging,
-        background_sample, background,
+        background_sample, background, samples.doubtful,
     )  # fmt: skip
 
 
@@ -142,6 +143,15 @@ def single_columns(
         light_d = arriving_light(samples, field, specular=True)
         found[:, :, 2:] = _columns(field, samples.eye, rows, of.towards_d, light_d, levels, model)[:, :, 2:]
     return found
+
+
+def columns_of_light(
+    field: LightField, eye: NDArray, towards: NDArray, light: NDArray, levels: NDArray
+) -> NDArray[np.float32]:
+    """Returns X, Y, A, B (S, J, 4, 3) of light (S, 3, row) over density from local directions (S, 3, row)."""
+    levels, upload = np.maximum(levels, SHARPEST), field.device.upload
+    towards_d, light_d = (upload(np.ascontiguousarray(x, np.float32)) for x in (towards, light))
+    return _columns(field, eye, np.arange(len(eye)), towards_d, light_d, levels)
 
 
 def _columns(

@@ -7,8 +7,10 @@ Paint is what a surface shows times 1 + error, so that residuals are relative to
 has the covariance, over dabs i, j and channels,
 
     C = a s_i s_j (drift^2 exp(-ROUGH |x_i - x_j| / l) 1 + tint^2 I) + b dab^2 I / trust^2 + SURE^2 I    (of one stroke)
+        + q_i q_j + (OF_DOUBT q_i)^2 I
 
-where 1 and I go over the channels, and s is what is shown over what residuals are relative to: that has a floor, beside
+where 1 and I go over the channels, q is what renderers do not agree on (doubt.py), of which who made the picture shows
+one share everywhere, and s is what is shown over what residuals are relative to: that has a floor, beside
 which an error of all paint is less of a dark dab than of a bright one; without s a stroke that is too dark as a whole
 would look like a weaker highlight.  How large a and b are is read off the residual in the part of it that neither the
 candidate's parameters nor the brightness of a whole stroke can explain (restricted maximum likelihood, averaged over a
@@ -55,6 +57,9 @@ COLORED = 0.05  # range of the channels of F0 that is a colour
 CAREFUL = 0.035  # relative residual of paint that is fitted as it is: the light field's own error
 AT_END = 1e-4  # of 0 and 1, where a colour is held
 UNSAID = 3.0  # relative error of channels that are held there
+GROWN = (0.0, 16.0)  # times which what is in doubt may grow with a colour
+OF_DOUBT = 0.3  # of what renderers do not agree on at a dab, by which dabs differ in who is right
+LEAST_DOUBT = 0.01  # of a dab, that is more than rounding
 MOST_GROUPS = 96  # dabs and swatches that a and b are read off
 
 
@@ -62,7 +67,7 @@ MOST_GROUPS = 96  # dabs and swatches that a and b are read off
 class PaintErrors:
     """Covariance of relative residuals of m dabs and swatches of n dabs, and the columns of what is free.
 
-    C = s s' (kron(shared, 1) + kron(tinted, I)) + kron(sure, I) + single, with 1 and I over the channels.
+    C = s s' (kron(shared, 1) + kron(tinted, I)) + kron(sure, I) + q q' + single, with 1 and I over the channels.
     """
 
     together: F64 | None  # (m, n) takes the mean of dabs that share a swatch; None: all are alone
@@ -74,21 +79,23 @@ class PaintErrors:
     sure: F64  # (m, m)
     single: F64  # (m, 3) variances
     share: F64  # (m, 3) s
+    doubt: F64  # (m, 3) q
 
     @cached_property
     def covariance(self) -> F64:
         """The whole of it (3 m, 3 m)."""
         alike = np.kron(self.shared, np.ones((3, 3))) + np.kron(self.tinted, np.eye(3))
         own = np.kron(self.sure, np.eye(3)) + np.diag(self.single.reshape(-1))
-        return np.outer(self.share, self.share) * alike + own
+        return np.outer(self.share, self.share) * alike + np.outer(self.doubt, self.doubt) + own
 
     @cached_property
     def root(self) -> White:
         """What makes relative residuals of dabs and swatches independent, of unit variance."""
-        if max(np.ptp(x, axis=1).max(initial=0) for x in (self.single, self.share)) == 0:
+        if max(np.ptp(x, axis=1).max(initial=0) for x in (self.single, self.share, self.doubt)) == 0:
             both = np.outer(self.share[:, 0], self.share[:, 0])
             color = both * self.tinted + self.sure + np.diag(self.single[:, 0])
-            return white_of_axes(3 * both * self.shared + color, color)
+            alike = both * self.shared + np.outer(self.doubt[:, 0], self.doubt[:, 0])
+            return white_of_axes(3 * alike + color, color)
         return White(None, None, inverse_root(self.covariance))
 
     @property
@@ -248,17 +255,20 @@ def paint_errors(t: Tables, o: Options, c: Candidate, trust: F64 | None = None) 
     held = held_channels(t, c)  # what they leave says how far the paint is from what can be
     share = mean(np.minimum(np.abs(c.radiance(t)) / t.scale, 1))
     vague = (OF_POINTS * t.noise / t.scale) ** 2  # of the mean of a swatch's dabs less
-    vague = vague if together is None else together**2 @ vague
+    vague, doubt = (vague if together is None else together**2 @ vague), mean(doubt_of(t, c))
     if m > MOST_GROUPS:  # where channels are alike, grey and colours are apart, which is much faster
-        share, vague = (np.repeat(x.mean(1, keepdims=True), 3, 1) for x in (share, vague))
+        share, vague, doubt = (np.repeat(x.mean(1, keepdims=True), 3, 1) for x in (share, vague, doubt))
     parts = [mean(columns).reshape(m, 3, -1), share[:, :, None] * mean(_of_strokes(t))[:, None]]
-    explained = own[:, None, None] * np.concatenate(parts, 2)
+    if doubt.max(initial=0) > LEAST_DOUBT:
+        parts.append(doubt[:, :, None])
+    heard = own / np.sqrt(1 + ((OF_DOUBT * doubt) ** 2).mean(1) / (2 * SURE) ** 2)  # a dab in doubt shows no painter
+    explained = heard[:, None, None] * np.concatenate(parts, 2)
     of_swatches = bool((t.swatch >= 0).all())
     usual = (USUAL_OF_ONE if t.has_one_color.all() else USUAL_OF_SWATCHES) if of_swatches else USUAL
     some = np.arange(m) if m <= MOST_GROUPS else np.linspace(0, m - 1, MOST_GROUPS).round().astype(int)
     free, apart = np.flatnonzero(~held), np.ix_(some, some)
-    y, k = (own[:, None] * residual)[some][:, free].reshape(-1), len(free)
-    by = own[some, None] * own[some]
+    y, k = (heard[:, None] * residual)[some][:, free].reshape(-1), len(free)
+    by = heard[some, None] * heard[some]
     alike = np.kron(by * drift[apart], np.ones((k, k))) + np.kron(by * o.tint_error**2 * same[apart], np.eye(k))
     alike *= np.outer(share[some][:, free], share[some][:, free])
     a, b = _sizes(y, explained[some][:, free].reshape(len(y), -1), alike, usual)
@@ -266,8 +276,20 @@ def paint_errors(t: Tables, o: Options, c: Candidate, trust: F64 | None = None) 
     single = ((1.0 if of_swatches else SLACK) * b / own**2)[:, None] + UNSAID**2 * held
     if together is not None:
         single = single + _of_swatch_means(t, c, together)
-    single = np.maximum(single, vague)
-    return PaintErrors(together, a, b, trust, a * drift, a * o.tint_error**2 * same, SURE**2 * same, single, share)
+    single = np.maximum(single, vague) + (OF_DOUBT * doubt) ** 2
+    tinted = a * o.tint_error**2 * same
+    return PaintErrors(together, a, b, trust, a * drift, tinted, SURE**2 * same, single, share, doubt)
+
+
+def doubt_of(t: Tables, c: Candidate) -> F64:
+    """Returns how much of the dabs (n, 3), in their residuals' measure, renderers do not agree on.
+
+    It grows with the colours that the candidate changes.
+    """
+    ratios = [c.diffuse_of(t.diffuse) / np.maximum(t.diffuse, 1e-3), c.f0_of(t.f0) / np.maximum(t.f0, 1e-3)]
+    ratios.append(ratios[1] if t.is_metal else np.ones(3))
+    q = (t.doubt * np.clip(ratios, *GROWN)).sum(1)
+    return np.asarray(np.broadcast_to(q, t.target.shape) / t.scale)
 
 
 def held_channels(t: Tables, c: Candidate) -> NDArray[np.bool_]:

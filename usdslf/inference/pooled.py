@@ -31,7 +31,7 @@ from usdslf.inference.solve import enumerate_candidates
 from usdslf.inference.weights import Options
 
 BILINEAR = ("dabs", "background", "elsewhere")
-RADIANCE = ("target", "scale", "noise", "factor_u", "factor_w", "factor_v", "background_scale")
+RADIANCE = ("target", "scale", "noise", "doubt", "factor_u", "factor_w", "factor_v", "background_scale")
 PLACES = ("place", "has_one_color", "dab_levels")
 ANY = ("is_textured", "is_textured_f0", "is_textured_roughness", "must_hold_energy")
 

@@ -29,6 +29,7 @@ SAMPLES = (96, 384)  # least and most of a dab; detail varies over it more than 
 MOST_DABS = 128
 RAYS = 4608  # of a dab
 SHARPEST = 0.04  # roughness; sharper lobes count as this
+UNBENT = 1 - 1e-4  # cosine of a normal to itself, after it was turned to the eye
 ELSEWHERE = 96  # unpainted points of the painted materials
 
 
@@ -41,8 +42,11 @@ class Samples:
     side: NDArray[np.int64]  # (S,) +1 where the eye is on the front of the surface, -1 behind it
     eye: NDArray[np.float32]  # (S, 3) local, unit
     light: RayLight
+    horizon: NDArray[np.float32]  # (S, 3) local, unit: the surface's own normal, on the eye's side
+    is_bent: NDArray[np.bool_]  # (S,) where the shading normal faces away from the eye
     weight: NDArray[np.float64] | None = None  # (S,) share of what it sends that its dab shows, in its light already
     beside: Beside | None = None  # what else its dabs show
+    doubtful: NDArray[np.float64] | None = None  # (S, 3, 3) radiance before any edit, see doubt.py; None: not known
 
     def sees(self, field: LightField) -> NDArray[np.float64]:
         """Returns how much each element (N,) matters to what is seen here."""
@@ -135,14 +139,18 @@ def trace_samples(
     side = np.where(np.einsum("ij,ij->i", eye, surface.geometric_normal) < 0, -1, 1)
     flip = side[:, None].astype(np.float32)
     geometric = surface.geometric_normal * flip
-    frames = frames_about(turned_to_viewer(surface.normal * flip, geometric, eye))
+    shading = surface.normal * flip
+    seen = turned_to_viewer(shading, geometric, eye)
+    frames = frames_about(seen)
     e = np.einsum("sij,sj->si", frames, eye)
     e = (e / np.linalg.norm(e, axis=1, keepdims=True)).astype(np.float32)
     origin = light.tracer.offset_points(surface.position, geometric, surface.triangle)
     counts = np.ones(len(dab), np.float32) if weight is None else weight.astype(np.float32)
     points = Points(dab, surface, side, e, frames, geometric, origin, counts)
     sharpest = float(np.clip(np.median(surface.roughness), SHARPEST, LOBE_ROUGHNESS[0]))
-    return Samples(dab, surface, side, e, trace_rays(points, Trace(light, rays, sharpest)), weight)
+    horizon = np.einsum("sij,sj->si", frames, geometric).astype(np.float32)
+    is_bent = (seen * shading).sum(1) < UNBENT
+    return Samples(dab, surface, side, e, trace_rays(points, Trace(light, rays, sharpest)), horizon, is_bent, weight)
 
 
 def _elsewhere(field: LightField, tracer: RayTracer, materials: NDArray, eye: NDArray) -> NDArray[np.int64]:

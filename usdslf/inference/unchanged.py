@@ -4,8 +4,10 @@
     by_own_errors(tables, options, candidates) -> the candidates with what they cost then
 
 Who copies the picture errs by nothing, and what is left at a dab is the evidence's error: MODEL of its radiance, and
-the standard error of the mean over its points.  Where most dabs are within that of what they show now, a painter's
-drift and tint are no excuse for what the others leave, and explanations are weighed by these errors alone,
+the standard error of the mean over its points.  Of what renderers do not agree on (doubt.py), whoever made the picture
+may have left a share out, the same everywhere, and OF_DOUBT more or less at each dab.  Where most dabs are within that
+of what they show now, a painter's drift and tint are no excuse for what the others leave, and explanations are weighed
+by these errors alone,
 
     cost = sum_i min((DEGREES + 3) log(1 + (|r_i / s_i|^2 - AS_SHOWN)+ / DEGREES), FAR)
            + freedom k + group (g - 1)+ + CHANGED (if anything changes)
@@ -28,6 +30,7 @@ from usdslf.inference.bilinear import Tables
 from usdslf.inference.candidate import Candidate
 from usdslf.inference.evidence import mean_by
 from usdslf.inference.fit import relative_residuals
+from usdslf.inference.paint_errors import OF_DOUBT, doubt_of
 from usdslf.inference.weights import Options
 from usdslf.scene.records import F64
 
@@ -60,6 +63,9 @@ def _sizes(t: Tables, c: Candidate) -> F64:
     group = t.group
     count = np.bincount(group)[:, None]
     off = mean_by(relative_residuals(t, c), group)
-    variance = MODEL**2 + mean_by((t.noise / t.scale) ** 2, group) / count
+    doubt = mean_by(doubt_of(t, c), group)
+    variance = MODEL**2 + mean_by((t.noise / t.scale) ** 2, group) / count + (OF_DOUBT * doubt) ** 2
+    weighed = doubt / variance
+    off -= np.clip((off * weighed).sum() / max((doubt * weighed).sum(), 1e-12), 0, 1) * doubt
     size: F64 = (off**2 / variance).sum(1)
     return size
