@@ -11,7 +11,9 @@ from kit.dull_tables import N, dull_tables
 import usdslf.inference.paint_errors
 from usdslf.inference.bilinear import Bilinear
 from usdslf.inference.candidate import Candidate
-from usdslf.inference.paint_errors import paint_errors
+from usdslf.inference.paint_errors import as_shown, paint_errors, refit_as_painted
+from usdslf.inference.residuals import relative_scale
+from usdslf.inference.uncertainty import interval
 from usdslf.inference.weights import Options
 from usdslf.inference.whitening import White, whiten
 
@@ -53,3 +55,29 @@ def test_errors_that_differ_by_channel_are_whitened_as_a_whole() -> None:
     assert errors.white.whole is not None
     covariance = errors.white @ (errors.white @ errors.covariance).T
     np.testing.assert_allclose(covariance, np.eye(3 * N), atol=1e-8)
+
+
+@pytest.mark.parametrize("error", [0.0, 0.08])
+def test_channel_means_of_many_dabs_say_what_all_channels_do(error: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    """From MOST_GROUPS dabs on errors are those of the channels' means, along grey and colours: values and intervals
+    are those of the whole covariance."""
+    rng, true = np.random.default_rng(5), np.array([0.12, -0.05, 0.2])
+    t = dull_tables(rng, 120)
+    wave = 1 + error * np.sin(5 * t.place[:, :1])
+    wanted = (t.before + true * t.dabs.u[:, 0]) * wave * (1 + 0.5 * error * rng.standard_normal((120, 3)))
+    vague, doubt = t.before * [0.05, 0.1, 0.15], t.before[:, None] * rng.uniform(0, 0.02, (120, 3, 1))
+    t = replace(t, target=wanted, scale=relative_scale(wanted), noise=vague, doubt=doubt)
+    first = Candidate(("diffuse",), level=0, freedoms=3)
+    found, ends, kinds = [], [], []
+    for most in (96, 120):
+        monkeypatch.setattr(usdslf.inference.paint_errors, "MOST_GROUPS", most)
+        found.append(refit_as_painted(t, Options(), first))
+        ends.append(interval(t, Options(), found[-1]).diffuse)
+        kinds.append(paint_errors(as_shown(t, found[-1]), Options(), found[-1]).white.whole is None)
+    assert kinds == [True, False]
+    value = t.diffuse + true
+    np.testing.assert_allclose(found[0].delta_diffuse, true, atol=0.005 + 0.3 * error)
+    np.testing.assert_allclose(found[0].delta_diffuse, found[1].delta_diffuse, atol=0.003 + 0.1 * error)
+    widths = [(high - low).mean() for low, high in ends]
+    assert widths[0] == pytest.approx(widths[1], rel=0.15)
+    assert ((ends[0][0] <= value) & (value <= ends[0][1])).all(), (ends[0], value)
