@@ -154,7 +154,7 @@ def summary(found: list[Seen]) -> Iterator[str]:
 def main() -> None:
     """Prints a line for each stroke, then one for each painter."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("names", nargs="*", help="parts of names; none: all of the set")
+    parser.add_argument("names", nargs="*", help="parts of names, of stages and assets; none: all of the set")
     parser.add_argument("--set", default="textured", choices=list(SETS))
     parser.add_argument("--ways", default="exact,swatch")
     parser.add_argument("--every", type=int, default=1, help="take each N-th case")
@@ -163,7 +163,8 @@ def main() -> None:
     parser.add_argument("--json", type=Path)
     a = parser.parse_args()
     found: list[Seen] = []
-    for case in select(a.set, a.names)[:: a.every]:
+    sets = ("textured", "all") if a.names else (a.set,)
+    for case in [c for name in sets for c in select(name, a.names)][:: a.every]:
         for seen in see_case(case, a.ways.split(","), a.elements, a.samples):
             print(seen, flush=True)
             found.append(seen)
