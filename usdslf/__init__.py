@@ -32,6 +32,7 @@ Public names; all others may change from version to version:
     LivePicture      yields LiveFrames; makes others of another camera or size, or after an edit
     LiveFrame        the picture so far
     Settings, Solution, Look, Progress, Cancelled      their records
+    Remark, About    a sentence of a Solution's warnings that knows which strokes it is about, and its kind
     Stroke           what was painted, and from where, as a record
     TOOLS, MODES, SPACES, NORMS, SCOPES     what its attributes may be
     paint_stroke     a path on the picture of a camera -> Stroke
@@ -87,6 +88,7 @@ if TYPE_CHECKING:
     from usdslf.shot import Shot
     from usdslf.solution import Settings, Solution, solve, stylize_shot
     from usdslf.strokes.paint import paint_stroke
+    from usdslf.strokes.remarks import About, Remark
     from usdslf.strokes.stroke import MODES, NORMS, SCOPES, SPACES, TOOLS, Stroke, frame_of, next_name
     from usdslf.usd.live_stage import LiveStage
     from usdslf.usd.prims import FrameRange, PrimRow, frame_range, reload_stage, stage_files, stage_prims
@@ -108,6 +110,7 @@ __all__ = [
     "SCOPES",
     "SPACES",
     "TOOLS",
+    "About",
     "Camera",
     "Cancelled",
     "Color",
@@ -125,6 +128,7 @@ __all__ = [
     "PrimRow",
     "Progress",
     "PxrChoice",
+    "Remark",
     "Scene",
     "Seen",
     "Session",
@@ -193,5 +197,6 @@ if not TYPE_CHECKING:  # type checkers are to find unknown names
         "usdslf.progress": ("Cancelled", "Progress", "run", "stepwise"),
         "usdslf.strokes.stroke": ("MODES", "NORMS", "SCOPES", "SPACES", "Stroke", "TOOLS", "frame_of", "next_name"),
         "usdslf.strokes.paint": ("paint_stroke",),
+        "usdslf.strokes.remarks": ("About", "Remark"),
         "usdslf.usd.stroke_layer": ("read_strokes", "write_strokes"),
     })  # fmt: skip

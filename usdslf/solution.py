@@ -34,6 +34,7 @@ from usdslf.progress import Progress, step, stepwise, tell, tell_during
 from usdslf.scene.records import Material
 from usdslf.shot import Shot
 from usdslf.similarity.similarity import Weights
+from usdslf.strokes.remarks import About, Remark
 from usdslf.strokes.stroke import Stroke
 from usdslf.stylize.changes import restyled
 from usdslf.stylize.surroundings import find_surroundings
@@ -261,10 +262,10 @@ def find_solution(shot: Shot, strokes: Sequence[Stroke], settings: Settings | No
         found = tell_during(lambda: shot.gathered.once(name, find, said))
     for a in found.answers:
         if a.is_ambiguous and not a.others:
-            names = ", ".join(active[i].path for i in a.pool.strokes)
-            sentence = f"{names}: {a.chosen.id} and {a.ties[0]} explain it about equally well; paint more or choose"
-            if sentence not in said:
-                said.append(sentence)
+            what = f"{a.chosen.id} and {a.ties[0]} explain it about equally well; paint more or choose"
+            remark = Remark([active[i].path for i in a.pool.strokes], what, About.TIE)
+            if remark not in said:
+                said.append(remark)
     return Solution(
         tuple(active), found.answers, None, tuple(painted), MappingProxyType(found.as_preview), found.left_out,
         s, tuple(said), MappingProxyType(seconds),

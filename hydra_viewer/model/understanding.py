@@ -10,14 +10,13 @@ from dataclasses import dataclass
 from typing import Any
 
 from hydra_viewer.model.found import Found
-from usdslf import Shot, Stroke, report_of
+from usdslf import About, Remark, Shot, Stroke, report_of
 
 Values = tuple[float, ...]
 TITLES = {"diffuse": "diffuse colour", "specular": "specular colour", "glossiness": "glossiness"}
 NOTHING = "nothing changes"
 MOST = 4  # alternatives that are offered
 OF_MATERIAL = " of "  # in the id of an indirect stroke's explanation
-TIE = "explain it about equally well"  # in what a solve says of a near tie
 
 
 @dataclass(frozen=True)
@@ -239,11 +238,9 @@ def _alternatives(entry: Mapping[str, Any]) -> tuple[Alternative, ...]:
 
 def _said_of(strokes: Sequence[Stroke], warnings: Sequence[str]) -> tuple[str, ...]:
     """What a solve says of strokes beside its answer, without their names; a near tie is asked as a question."""
-    found = []
-    for names, colon, said in (w.partition(": ") for w in warnings):
-        if colon and {s.path for s in strokes} & set(names.split(", ")) and TIE not in said:
-            found.append(said)
-    return tuple(dict.fromkeys(found))
+    mine = {s.path for s in strokes}
+    remarks = [w for w in warnings if isinstance(w, Remark) and mine & set(w.strokes) and w.about is not About.TIE]
+    return tuple(dict.fromkeys(r.what for r in remarks))
 
 
 def _rival(alternatives: Sequence[Alternative]) -> str:

@@ -31,6 +31,9 @@ def follow(path: str, strokes: list[usdslf.Stroke]) -> usdslf.Look:
     shot = usdslf.Shot.open(path, elements=4000)
     settings = usdslf.Settings(norm="mixed")
     solution: usdslf.Solution = usdslf.run(usdslf.solve(shot, strokes, settings), lambda step, share: None)
+    for warning in solution.warnings:
+        if isinstance(warning, usdslf.Remark) and warning.about is not usdslf.About.TIE:
+            print(warning.what, warning.strokes)
     styled = usdslf.stylize_shot(shot, 0.5)
     first: usdslf.Progress = next(styled)
     styled.close()

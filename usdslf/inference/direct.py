@@ -18,7 +18,7 @@ from usdslf.inference.answers import Answer, Painted, changed_surface
 from usdslf.inference.doubt import doubtful_radiance
 from usdslf.inference.first_answers import Asking, first_answers
 from usdslf.inference.pictured import Pictured
-from usdslf.inference.pools import pool_names, sort_into_pools
+from usdslf.inference.pools import pool_paths, sort_into_pools
 from usdslf.inference.refits import (
     after_bounce,
     changes_of_answers,
@@ -34,6 +34,7 @@ from usdslf.light_field.light_field import LightField
 from usdslf.light_field.surface import Surface
 from usdslf.lights.sources import LightSet
 from usdslf.scene.records import Scene
+from usdslf.strokes.remarks import About, Remark
 from usdslf.strokes.stroke import Stroke
 
 if TYPE_CHECKING:
@@ -130,7 +131,5 @@ def _is_settled(answers: list[Answer], kept: list[Answer]) -> bool:
 def _say_what_became_constant(kept: list[Answer], answers: list[Answer], painted: list[Painted], ask: Asking) -> None:
     """A sentence for each change that varied, in answers that are replaced, and does no more."""
     for pool in {a.pool for a in kept if a.varying} & {a.pool for a in answers if not a.varying}:
-        ask.said.append(
-            f"{pool_names(painted, pool)}: a change that varies could not be stored under the light that it sends "
-            "round; it is constant"
-        )
+        what = "a change that varies could not be stored under the light that it sends round; it is constant"
+        ask.said.append(Remark(pool_paths(painted, pool), what, About.PAINT))

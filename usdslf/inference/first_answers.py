@@ -25,7 +25,7 @@ from usdslf.inference.candidate import Candidate
 from usdslf.inference.evidence import Evidence
 from usdslf.inference.fit import Problem
 from usdslf.inference.gathered import Found, Gathered, name_of
-from usdslf.inference.pools import fixed_materials, pool_names
+from usdslf.inference.pools import fixed_materials, pool_paths
 from usdslf.inference.refits import is_painted, means_if_chosen, refit_answer
 from usdslf.inference.solve import enumerate_candidates, relative_error
 from usdslf.inference.tools import expected_error
@@ -37,6 +37,7 @@ from usdslf.light_field.renewal import renew
 from usdslf.scene.records import Scene
 from usdslf.similarity.materials import ALL, MOST, OF_MATERIALS, alike_materials
 from usdslf.similarity.similarity import Weights, reach_of
+from usdslf.strokes.remarks import About, Remark
 
 UNSEEN = 2e-3  # of the light that surfaces send to strokes, that rounds may leave out
 
@@ -215,11 +216,11 @@ def _out_of_reach(answers: list[Answer], painted: list[Painted], ask: Asking) ->
         if factor == 1:
             continue
         factors |= dict.fromkeys(a.pool.strokes, factor)
-        names = ", ".join(painted[i].stroke.path for i in a.pool.strokes)
-        ask.said.append(
-            f"{names}: painted {1 / factor:.1f} times brighter than the surface can be in this light; its hue is "
+        what = (
+            f"painted {1 / factor:.1f} times brighter than the surface can be in this light; its hue is "
             "kept and its brightness lowered to that"
         )
+        ask.said.append(Remark(pool_paths(painted, a.pool), what, About.PAINT))
     return factors
 
 
@@ -245,10 +246,11 @@ def _or_nothing(answer: Answer, painted: list[Painted], ask: Asking) -> Answer:
     before, after = error_of(t, none), error_of(t, c)
     if not explains_nothing(before, after):
         return answer
-    ask.said.append(
-        f"{', '.join(s.path for s in strokes)}: no change of the material comes near what was painted (the best "
-        f"leaves {after / before:.0%} of the difference); nothing is changed"
+    what = (
+        f"no change of the material comes near what was painted (the best leaves {after / before:.0%} of the "
+        "difference); nothing is changed"
     )
+    ask.said.append(Remark(pool_paths(painted, answer.pool), what, About.PAINT))
     before_, after_ = means_of(t, none)
     return replace(answer, chosen=none, before=before_, after=after_)
 
@@ -274,10 +276,9 @@ def _with_alike(
         why = storage_of(scene, m, (), onto_similar).why_not if onto_similar else "its change has several parameters"
         if not why:
             partly.append(m)
-        ask.said.append(
-            f"{pool_names(painted, pool)}: {shares[m]:.0%} of {scene.materials[m].path} is similar; "
-            + (f"all or nothing of it changes: {why}" if why else "that part of it changes")
-        )
+        part = f"all or nothing of it changes: {why}" if why else "that part of it changes"
+        what = f"{shares[m]:.0%} of {scene.materials[m].path} is similar; {part}"
+        ask.said.append(Remark(pool_paths(painted, pool), what, About.PLACE))
     whole = [m for m in whole if m not in partly]
     pool = replace(pool, similar=tuple(whole), similar_in_part=tuple(partly))
     return replace(answer, pool=pool, onto_similar=onto_similar if partly else None)

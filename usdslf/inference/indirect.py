@@ -34,6 +34,7 @@ from usdslf.light_field.light_field import LightField
 from usdslf.light_field.links import element_of, is_link
 from usdslf.light_field.surface import Surface
 from usdslf.scene.records import Scene
+from usdslf.strokes.remarks import About, Remark
 from usdslf.strokes.stroke import Stroke
 from usdslf.surfaces.reflectance import Parameters
 
@@ -71,9 +72,9 @@ class _Strokes:
         return [self.painted[i].stroke for i in self.wanted]
 
     @property
-    def names(self) -> str:
-        """Their paths."""
-        return ", ".join(s.path for s in self.asking)
+    def paths(self) -> tuple[str, ...]:
+        """Their prims."""
+        return tuple(s.path for s in self.asking)
 
     @property
     def kept(self) -> set[int]:
@@ -152,34 +153,32 @@ def infer_indirect(
     if not q.materials:
         note = _nothing_in_sight(q.asking, scene, kept)
         if not any(a.chosen.freed for a in direct):
-            raise SolveError(f"{strokes.names}: {note}")
-        said.append(f"{strokes.names}: {note}")  # what the direct strokes found stands
+            raise SolveError(f"{', '.join(strokes.paths)}: {note}")
+        said.append(Remark(strokes.paths, note, About.PAINT))  # what the direct strokes found stands
         return answers + [replace(_no_change(i, strokes.evidence, field), note=note) for i in strokes.wanted]
     asked = next((w for s in strokes.asking if (w := (choose or {}).get(s.name) or s.choice)), "")
-    return answers + _answers(_find(q, strokes.names, asked, said), strokes, field)
+    return answers + _answers(_find(q, strokes.paths, asked, said), strokes, field)
 
 
-def _find(q: _Question, names: str, asked: str, said: list[str]) -> _Found:
+def _find(q: _Question, paths: Sequence[str], asked: str, said: list[str]) -> _Found:
     """The cheapest explanation or the one that was asked for, fitted; the light field is left with it."""
     before = radiance_of(q.receivers, q.field)
     explanations = find_explanations(q.receivers, q.materials, q.scene, q.field, q.options)
     is_met = mean_error(q.receivers, before) < MET
-    chosen = choose_explanation(explanations, asked, is_met, q.options.norm == "mixed", names)
+    chosen = choose_explanation(explanations, asked, is_met, q.options.norm == "mixed", ", ".join(paths))
     fitted = _fit(chosen, q)
     tied = [e.id for e in explanations if not asked and is_tie(e, chosen)]
     if not asked and chosen.changes:
         ties = [str(e) for e in tied if e != chosen.id]
         if ties:
-            said.append(
-                f"{names}: {chosen.id} and {' and '.join(ties[:3])} explain it about equally well; "
-                "add fixate strokes or choose one"
-            )
+            what = f"{chosen.id} and {' and '.join(ties[:3])} explain it about equally well; "
+            said.append(Remark(paths, f"{what}add fixate strokes or choose one", About.TIE))
         fitted = _add_materials(fitted, chosen, q)
     error = mean_error(q.receivers, fitted.radiance)
     note = f"met within {error:.1%}"
     if error >= MET:
         note = f"the painted radiance is met within {error:.1%} only; {_reason(fitted, q.receivers, chosen)}"
-        said.append(f"{names}: {note}")
+        said.append(Remark(paths, note, About.PAINT))
     alternatives = tuple(as_alternative(e, q.scene, e.id == chosen.id, e.id in tied) for e in explanations)
     return _Found(fitted, chosen, alternatives, note, before)
 

@@ -2,7 +2,7 @@
 
     sort_into_pools(evidence, scene) -> list[Pool]
     fixed_materials(evidence) -> {material: path of the stroke that fixates it}
-    pool_names(painted, pool) -> paths of its strokes
+    pool_paths(painted, pool) -> prims of its strokes
 """
 
 from __future__ import annotations
@@ -51,6 +51,6 @@ def fixed_materials(evidence: list[Evidence]) -> dict[int, str]:
     return {int(m): e.stroke.path for e in fixing for m in np.unique(e.material)}
 
 
-def pool_names(painted: list[Painted], pool: Pool) -> str:
-    """Returns the paths of a pool's strokes."""
-    return ", ".join(painted[i].stroke.path for i in pool.strokes)
+def pool_paths(painted: list[Painted], pool: Pool) -> tuple[str, ...]:
+    """Returns the prims of a pool's strokes."""
+    return tuple(painted[i].stroke.path for i in pool.strokes)

@@ -45,6 +45,7 @@ from usdslf.sampling.low_discrepancy import random_shifts, sobol_points
 from usdslf.scene.cameras import camera_rays
 from usdslf.scene.records import F64, Camera, Scene
 from usdslf.strokes.anchors import Located, locate_stroke, points_on_triangles
+from usdslf.strokes.remarks import About, Remark
 from usdslf.strokes.stroke import Stroke
 from usdslf.surfaces.surface_points import evaluate_surface
 
@@ -218,7 +219,8 @@ def _at_source(stroke: Stroke, stroke_row: NDArray, scene: Scene, light: Picture
         )
     if len(found) < len(triangle):
         lost = len(triangle) - len(found)
-        warnings.append(f"{stroke.path}: {lost} dabs clone from no surface; the source of the next dab is used")
+        what = f"{lost} dabs clone from no surface; the source of the next dab is used"
+        warnings.append(Remark((stroke.path,), what, About.PLACE))
     on, at = triangle[found].astype(np.int32), barycentric[found].astype(np.float32)
     located = Located(stroke_row[found], on, at, *points_on_triangles(scene, on, at), False)
     points = footprint(stroke, scene, light.tracer, located, np.arange(len(found)), SAMPLES[0])

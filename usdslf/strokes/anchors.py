@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from usdslf.errors import StrokeError
 from usdslf.geometry.closest_point import nearest_on_triangles, triangles_within
 from usdslf.scene.records import F32, F64, I32, Scene
+from usdslf.strokes.remarks import About, Remark
 
 if TYPE_CHECKING:
     from usdslf.strokes.stroke import Stroke
@@ -65,7 +66,7 @@ def locate_stroke(scene: Scene, stroke: Stroke, warnings: list[str] | None = Non
                 f"stroke {stroke.path} was painted on {gone[0]}, which {scene.stage} does not show: use "
                 "strokes of this stage, or clear slf:surfaces to project them onto it"
             )
-        said += [f"Stroke {stroke.path}: {p} is not in the stage; what is near is used." for p in gone]
+        said += [Remark((stroke.path,), f"{p} is not in the stage; what is near is used", About.PLACE) for p in gone]
         if stroke.has_anchors:
             triangle, uv, moved = _follow_anchors(scene, stroke, meshes, tolerance)
             projected = triangle < 0
@@ -81,7 +82,7 @@ def locate_stroke(scene: Scene, stroke: Stroke, warnings: list[str] | None = Non
             )
         if not near.all():
             off = int((~near).sum())
-            said.append(f"Stroke {stroke.path}: {off} points lie off every surface and are left out.")
+            said.append(Remark((stroke.path,), f"{off} points lie off every surface and are left out", About.PLACE))
     row = np.flatnonzero(triangle >= 0)
     on, at = triangle[row].astype(np.int32), uv[row].astype(np.float32)
     position, normal = points_on_triangles(scene, on, at)
@@ -89,7 +90,7 @@ def locate_stroke(scene: Scene, stroke: Stroke, warnings: list[str] | None = Non
     moved = moved[row] & (way > tolerance[row])
     if moved.any():
         far = float(way.max())
-        said.append(f"Stroke {stroke.path}: its surface moved by up to {far:.4g} units; it follows.")
+        said.append(Remark((stroke.path,), f"its surface moved by up to {far:.4g} units; it follows", About.PLACE))
     normal = turned_towards(normal, scene.triangles.face_normals[on], stroke.eye[row] - position)
     return Located(row, on, at, position, normal, bool(moved.any()))
 
@@ -108,10 +109,11 @@ def find_overlaps(scene: Scene, stroke: Stroke, located: Located) -> list[str]:
     found = [scene.materials[m].path or "surfaces without a material" for m in values]
     most = found.pop(int(counts.argmax()))
     names = ", ".join(found[:3]) + (f" and {len(found) - 3} more" if len(found) > 3 else "")
-    return [
-        f"{stroke.path}: {share:.0%} of it lies on {names}, which it does not change, as most lies on {most}: "
+    what = (
+        f"{share:.0%} of it lies on {names}, which it does not change, as most lies on {most}: "
         "paint each material with a stroke of its own"
-    ]
+    )
+    return [Remark((stroke.path,), what, About.PLACE)]
 
 
 def painted_faces(scene: Scene, stroke: Stroke, located: Located) -> dict[str, tuple[int, ...]]:

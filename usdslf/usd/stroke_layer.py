@@ -22,6 +22,7 @@ from pxr import Gf, Sdf, Usd, UsdGeom, Vt
 
 from usdslf.errors import AuthorError, StrokeError
 from usdslf.replacing import is_file
+from usdslf.strokes.remarks import About, Remark
 from usdslf.strokes.stroke import Stroke, validate_stroke
 from usdslf.usd.border import reading
 from usdslf.usd.files import write_layer
@@ -226,7 +227,8 @@ def _read_anchors(prim: Usd.Prim, n: int, said: list[str]) -> dict[str, Any]:
         anchors = {name: np.repeat(a, 2, 0) for name, a in anchors.items()}
     elif lengths not in ({0}, {n}) or not surfaces:
         if lengths != {0} or surfaces:
-            said.append(f"Stroke {prim.GetPath()}: its anchors are incomplete; its points are projected instead.")
+            what = "its anchors are incomplete; its points are projected instead"
+            said.append(Remark((str(prim.GetPath()),), what, About.PLACE))
         anchors = {}
     return {**anchors, "surfaces": surfaces}
 

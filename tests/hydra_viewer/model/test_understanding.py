@@ -12,7 +12,7 @@ from hydra_viewer.model.found import Found
 from hydra_viewer.model.previews import Effects, Preview, Sight, WholePicture, crop_of, effects_of, previewing
 from hydra_viewer.model.scope_mask import scope_mask
 from hydra_viewer.model.understanding import NOTHING, Understood, title_of, understood
-from usdslf import Shot, Solution, Stroke, UsdslfError, author, paint_stroke, run, seen_prims, solve
+from usdslf import About, Remark, Shot, Solution, Stroke, UsdslfError, author, paint_stroke, run, seen_prims, solve
 
 BLUE = (0.05, 0.08, 0.5)
 ASPECT, SIZE = 4 / 3, (40, 30)
@@ -85,14 +85,16 @@ def test_another_explanation_is_had_without_solving_and_is_what_solving_begins_w
 
 def test_what_a_solve_says_of_a_stroke_is_a_note_but_for_a_near_tie(case: Case) -> None:
     path = case.stroke.path
+    other, nothing = "/SlfStrokes/other", "nothing that comes near; nothing is changed"
     said = (
-        f"/SlfStrokes/other, {path}: no change of the material comes near what was painted; nothing is changed",
-        f"{path}: diffuse and specular explain it about equally well; paint more or choose",
-        "/SlfStrokes/other: painted 2.0 times brighter than the surface can be",
+        Remark((other, path), nothing, About.PAINT),
+        Remark((path,), "diffuse and specular explain it about equally well; paint more or choose", About.TIE),
+        Remark((other,), "painted 2.0 times brighter than the surface can be", About.PAINT),
         "the shot has no lights",
     )
     (group,) = understood(case.shot, replace(case.found, solution=replace(case.found.solution, warnings=said)))
-    assert group.notes == ("no change of the material comes near what was painted; nothing is changed",)
+    assert group.notes == (nothing,)
+    assert said[0] == f"{other}, {path}: {nothing}"  # as it is said elsewhere
 
 
 def test_nothing_is_offered_where_it_is_chosen_and_asks_no_question(case: Case) -> None:
