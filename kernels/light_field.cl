@@ -351,18 +351,20 @@ __kernel void difference(__global const light_t *old, __global const light_t *no
     difference[2 * e + 1] = sum_lanes(all);
 }
 
-/* the light that each element sends
+/* the light that some elements send
+ * rows     (r) elements
  * outgoing (N, D, 3)
- * sum      (N): result, over bins and channels
+ * sum      (r): result, over bins and channels
  */
-__kernel void sum_of_elements(__global const light_t *outgoing, const uint count, __global float *sum)
+__kernel void sum_of_elements(__global const int *rows, __global const light_t *outgoing, const uint count,
+                              __global float *sum)
 {
-    uint e = get_global_id(0);
-    if (e >= count) return;
-    __global const light_t *of = outgoing + (size_t)e * D_BINS * 3;
+    uint i = get_global_id(0);
+    if (i >= count) return;
+    __global const light_t *of = outgoing + (size_t)rows[i] * D_BINS * 3;
     float16 all = 0.0f;
     for (int k = 0; k < D_BINS * 3; k += 16) all += fabs(load_light16(of + k));
-    sum[e] = sum_lanes(all);
+    sum[i] = sum_lanes(all);
 }
 
 /* rows of a light field as they were

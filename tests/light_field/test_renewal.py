@@ -10,8 +10,9 @@ from kit.scene_records import box, lamp, quad
 from usdslf.gpu.device import Device
 from usdslf.light_field.light_field import LightField
 from usdslf.light_field.links import BLOCKED, ESCAPES
-from usdslf.light_field.renewal import renew, seen_from
+from usdslf.light_field.renewal import BLOCK, renew, seen_from
 from usdslf.light_field.surface import Surface, albedo, changed_rows
+from usdslf.sampling.hemisphere import SIDE, D
 
 FLOOR, BOX, CELLAR = 0, 1, 2
 EXACT = 1e-6
@@ -88,6 +89,38 @@ def test_small_steps_add_up(room: LightField) -> None:
     assert np.abs(outgoing(field) - exact).sum() < 2 * tolerance * exact.sum()
 
 
+@pytest.mark.parametrize("change", [{"diffuse": 1.02}, {"f0": 1.1}, {"roughness": 1.02}])
+def test_a_small_change_waits_until_it_matters(room: LightField, change: dict[str, float]) -> None:
+    """Those that it changes too: what they will send otherwise is foreseen, and no less than it is."""
+    box = room.elements.material == BOX
+    surface = edited(room, **{k: getattr(room.surface, k)[box] * np.float32(by) for k, by in change.items()})
+    exact = converged(room, surface)
+    field, light = room.with_surface(surface), outgoing(room).sum()
+    found = renew(field, 60, 5e-2)
+    assert found.elements == () and found.left * light >= 0.9 * np.abs(outgoing(room) - exact)[box].sum() > 0
+    assert sum(renew(field, 60, 1e-5).elements) >= box.sum()
+    assert np.abs(outgoing(field) - exact).sum() < 5e-5 * exact.sum()
+
+
+def test_the_light_of_some_elements_is_theirs(room: LightField) -> None:
+    rows = np.array([17, 5, 40])
+    sent = outgoing(room).sum((1, 2))
+    np.testing.assert_allclose(room.sent_by(rows), sent[rows], rtol=1e-5)
+    np.testing.assert_allclose(room.sent, sent, rtol=1e-5)
+    assert len(room.sent_by(rows[:0])) == 0 < np.ptp(sent[rows])
+
+
+def test_what_is_foreseen_of_small_changes_adds_up(room: LightField) -> None:
+    """Of the light that elements send now, whatever they sent at first."""
+    field, tolerance = room.with_surface(edited(room, diffuse=np.float32([0.05, 0.05, 0.05]))), 2e-3
+    renew(field, 60, 0.0)
+    for share in np.geomspace(0.05, 0.5, 60)[1:]:
+        field.set_surface(edited(room, diffuse=np.full(3, share, np.float32)))
+        assert renew(field, 60, tolerance).left <= tolerance
+    exact = converged(room, field.surface)
+    assert np.abs(outgoing(field) - exact).sum() < 2 * tolerance * exact.sum()
+
+
 def test_what_does_not_matter_waits(room: LightField) -> None:
     surface = edited(room, **RED)
     matters = (room.elements.material == BOX).astype(float)
@@ -109,6 +142,40 @@ def test_elements_matter_by_their_share_of_the_rays(room: LightField) -> None:
     direct = np.zeros(10)
     direct[[3, 5]] = 2.25, 0.25
     np.testing.assert_allclose(got, direct + 2.5 * 0.5 / 0.5 / 10)
+
+
+def test_what_arrives_of_a_change_is_summed_and_sized(device: Device) -> None:
+    """Random rows, links and light, against numpy."""
+    rng, n, rows = np.random.default_rng(5), 6, np.array([1, 3, 4])
+    old, new = (rng.uniform(0, 2, (n, D, 3)).astype(np.float32) for _ in range(2))
+    hit = rng.integers(0, n * D, (n, D)).astype(np.uint32)
+    hit[:, ::7], hit[:, 3::11] = ESCAPES, BLOCKED
+    cosine = rng.dirichlet(np.ones(D)).astype(np.float32)
+    kernel = lambda name: device.kernel("renewal", name, BLOCK=BLOCK)  # noqa: E731
+    side, count = SIDE // BLOCK, D // BLOCK**2
+    outgoing_d, change_d = device.upload(old), device.zeros((n, count, 4), np.float32)
+    arriving_d = device.zeros((n, 2), np.float32)
+    total = len(rows) * count
+    kernel("take_rows")(
+        (-(-total // 64) * 64,), (64,), device.upload(rows.astype(np.int32)), np.uint32(total), device.upload(new),
+        outgoing_d, change_d,
+    )  # fmt: skip
+    kernel("arriving_change")(
+        (64,), (64,), device.upload(hit), change_d, device.upload(cosine), np.uint32(n), arriving_d
+    )
+    taken = old.copy()
+    taken[rows] = new[rows]
+    np.testing.assert_array_equal(device.download(outgoing_d), taken)
+    moved = (taken - old).astype(np.float64).reshape(n, side, BLOCK, side, BLOCK, 3)
+    means = np.concatenate([moved, np.abs(moved).sum(-1, keepdims=True)], -1).mean((2, 4)).reshape(n, count, 4)
+    np.testing.assert_allclose(device.download(change_d), means, atol=1e-5)
+    bins = np.arange(D)
+    block = bins // SIDE // BLOCK * side + bins % SIDE // BLOCK
+    met = np.where(hit >= BLOCKED, 0, hit)
+    seen = means[met // D, block[met % D]] * (hit < BLOCKED)[..., None]
+    sums = (cosine[:, None] * seen).sum(1)
+    expected = np.stack([np.abs(sums[:, :3]).sum(1), sums[:, 3]], 1)
+    np.testing.assert_allclose(device.download(arriving_d), expected, rtol=1e-4, atol=1e-6)
 
 
 def test_albedo_is_that_of_schlicks_ramp(room: LightField) -> None:

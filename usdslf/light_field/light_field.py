@@ -27,7 +27,7 @@ from usdslf.light_field.incoming import Incoming
 from usdslf.light_field.links import follow_links, link_rays
 from usdslf.light_field.preconvolution import LevelKernel, build_level, fresnel_diffuse
 from usdslf.light_field.storage import USUAL, Storage, constants_of, require_device
-from usdslf.light_field.surface import CHANGED, Surface, changed_rows
+from usdslf.light_field.surface import CHANGED, Surface, changed_rows, relative_changes
 from usdslf.light_field.symmetry import ALIKE, QUARTER, SIZES, blocks_of
 from usdslf.light_field.visibility import Visibility
 from usdslf.progress import tell
@@ -201,8 +201,16 @@ class LightField:
         return self._scratch.next_d
 
     def set_surface(self, surface: Surface) -> None:
-        """Gives the elements another reflectance; the light field follows with the next bounces."""
-        self.waits[changed_rows(self.surface, surface)] = CHANGED
+        """Gives the elements another reflectance; the light field follows with the next bounces.
+
+        What a small change brings is foreseen, and waits with the light that came before.
+        """
+        rows = np.flatnonzero(changed_rows(self.surface, surface))
+        if len(rows):
+            found = relative_changes(self.surface, surface, rows)
+            small = found < CHANGED
+            self.waits[rows[~small]] = CHANGED
+            self.waits[rows[small]] += found[small] * self.sent_by(rows[small])
         self.surface, self._blocks = surface, None
         self.emission_d = self.device.upload(surface.emission)
 
@@ -316,10 +324,15 @@ class LightField:
     @cached_property
     def sent(self) -> NDArray[np.float64]:
         """Light that each element (N,) sent when this was asked first: what tolerances are of; others start with it."""
-        device, n = self.device, len(self.elements)
-        sum_d = device.empty((n,), np.float32)
-        self._kernel("sum_of_elements")((_up(n),), (64,), self.outgoing_d, np.uint32(n), sum_d)
-        return device.download(sum_d).astype(np.float64)
+        return self.sent_by(np.arange(len(self.elements))).astype(np.float64)
+
+    def sent_by(self, rows: NDArray[np.int64]) -> NDArray[np.float32]:
+        """Returns the light that some elements (r,) send now, over bins and channels."""
+        device, n = self.device, len(rows)
+        rows_d, sum_d = device.upload(rows.astype(np.int32)), device.empty((max(n, 1),), np.float32)
+        self._kernel("sum_of_elements")((_up(n),), (64,), rows_d, self.outgoing_d, np.uint32(n), sum_d)
+        found: NDArray[np.float32] = device.download(sum_d)[:n]
+        return found
 
     def start_from(self, other: LightField) -> None:
         """Starts the iterations from another light field, element by element; those beyond it start dark.

@@ -1,14 +1,17 @@
 """Renewal: a light field follows an edit where it changes, and stays as it is where it does not.
 
     renew(field, bounces, tolerance) -> Renewal
+    foreseen(field, surface, matters) -> share of the light that another reflectance would change at once
 
 Elements whose reflectance changed reflect anew, L_o = L_e + K (L_fixed + G L_o); then those that see enough of the
-change, and so on.  What has arrived at an element since it reflected last waits there, as the estimate
+change, and so on.  Where it changed by little, what that does to their light is foreseen (surface.py) and waits too.
+What has arrived at an element since it reflected last waits there, as the estimate
 
-    w_e = rho_e sum_d c_d |dL(hit_ed)|          c: cosines of its D bins, of sum 1; rho: its albedo
+    w_e = even_e |sum_d c_d dL(hit_ed)| + (rho_e - even_e) sum_d c_d |dL(hit_ed)|
 
-of how much its mean radiance would change, |dL| as the mean over BLOCK x BLOCK bins of the sender.  In each bounce
-those that matter least wait, as long as
+of how much its mean radiance would change, dL and |dL| as means over BLOCK x BLOCK bins of the sender; c are the
+cosines of its D bins, of sum 1, rho its albedo, even EVEN of its diffuse part: that sees the sum of light alone, in
+which what is redirected is not lost.  In each bounce those that matter least wait, as long as
 
     sum_e m_e w_e < tolerance sum_e m_e |L_e|       m: how much an element matters, 1 or `seen_from`
 
@@ -29,12 +32,13 @@ from usdslf.light_field.blocks import blocks_of_surface
 from usdslf.light_field.light_field import LightField
 from usdslf.light_field.links import element_of, is_link
 from usdslf.light_field.storage import constants_of
-from usdslf.light_field.surface import CHANGED, albedo
+from usdslf.light_field.surface import CHANGED, Surface, albedo, changed_rows, diffuse_albedo, relative_changes
 from usdslf.progress import tell
 from usdslf.sampling.hemisphere import D
 
 TOLERANCE = 1e-3  # of the light field (L1), that may wait
 BLOCK = 4  # bins on a side, over which a change is averaged to judge what it brings
+EVEN = 0.9  # of diffuse reflection, that Fresnel's laws leave even
 KEPT_WAITING = 0.7  # of the tolerance: that a bounce leaves, so that what it sends may be the last
 GROUP = 64  # work-items of a group
 
@@ -78,6 +82,22 @@ def renew(
     return Renewal(tuple(counts), left / light if light > 0 else 0.0)
 
 
+def foreseen(field: LightField, surface: Surface, matters: NDArray) -> float:
+    """Returns how much of the light that matters another reflectance would change at once, inf where that is much.
+
+    Args:
+        matters: (N,) how much each element does, of any scale.
+    """
+    rows = np.flatnonzero(changed_rows(field.surface, surface))
+    if not len(rows):
+        return 0.0
+    change = relative_changes(field.surface, surface, rows) * np.float64(1)
+    if (change == CHANGED).any():
+        return float("inf")
+    light = float(matters @ field.sent)
+    return float((matters[rows] * change) @ field.sent_by(rows)) / light if light > 0 else 0.0
+
+
 def seen_from(links: NDArray, weights: NDArray, reflects: NDArray) -> NDArray[np.float64]:
     """Returns how much elements (N,) matter to who sees them along rays, by their share of the rays.
 
@@ -114,7 +134,7 @@ def _reflect_anew(field: LightField, rows: NDArray) -> None:
     kernel = lambda name: device.kernel("renewal", name, BLOCK=BLOCK, **constants_of(field.outgoing_d))  # noqa: E731
     rows_d, next_d, blocks = device.upload(rows.astype(np.int32)), field.next_d, D // BLOCK**2
     field.reflect(blocks_of_surface(device, field.surface, field.model, rows))
-    change_d, arriving_d = device.zeros((n, blocks), np.float32), device.empty((n,), np.float32)
+    change_d, arriving_d = device.zeros((n, blocks, 4), np.float32), device.empty((n, 2), np.float32)
     kernel("take_rows")(
         (_up(count * blocks),), (GROUP,), rows_d, np.uint32(count * blocks), next_d, field.outgoing_d, change_d
     )
@@ -122,7 +142,9 @@ def _reflect_anew(field: LightField, rows: NDArray) -> None:
     if field.renewed is not None:
         field.renewed.append(rows)
     field.waits[rows] = 0
-    field.waits += D * albedo(field.surface) * device.download(arriving_d)
+    summed, all_of = device.download(arriving_d).T
+    even = EVEN * diffuse_albedo(field.surface)
+    field.waits += D * (even * summed + np.maximum(albedo(field.surface) - even, 0) * all_of)
 
 
 def _up(n: int) -> int:
