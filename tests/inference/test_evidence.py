@@ -14,7 +14,7 @@ from reference.visibility import square_cells
 
 from usdslf.errors import StrokeError
 from usdslf.gpu.device import Device
-from usdslf.inference.evidence import Evidence, build_evidence
+from usdslf.inference.evidence import Evidence, build_evidence, single_columns
 from usdslf.inference.samples import gather_samples
 from usdslf.lights.sources import LightSet
 from usdslf.render.live.records import CONSTANTS
@@ -206,6 +206,35 @@ def test_a_reflectance_is_multiplied_by_the_light_that_falls_there(device: Devic
     e = evidence_of(made, stroke_at(DABS, space="reflectance"))
     np.testing.assert_allclose(e.target, np.float32([[0.2, 0.8, 0.3]] * 2), rtol=0.01)
     np.testing.assert_allclose(evidence_of(made, stroke_at(DABS)).target, [[0.2, 0.4, 0.6]] * 2, rtol=1e-6)
+
+
+def test_many_dabs_share_the_rays_of_few(device: Device) -> None:
+    """And what light brings stays the same, within the noise of the rays that each has."""
+    made = ground(device, (Light("/d", "dome", (1.0, 2.0, 0.5), np.eye(4)),))
+    x, y = np.meshgrid(np.linspace(-0.5, 0.5, 12), np.linspace(-0.5, 0.5, 8))
+    many = [(float(a), float(b), 0.0) for a, b in zip(x.ravel(), y.ravel(), strict=True)]
+    lights = LightSet(made.scene, made.scene.lights)
+    of = lambda points: gather_samples(stroke_at(points), made.scene, made.tracer, made.field, lights, [])  # noqa: E731
+    (few, few_rows), (samples, rows) = of(many[:48]), of(many)
+    on_dabs = [int((s.dab < n).sum()) * s.light.rays for s, n in ((few, 48), (samples, 96))]
+    assert len(rows) == 96 and on_dabs[1] <= on_dabs[0]
+    e = build_evidence(stroke_at(many), rows, samples, made.field)
+    other = build_evidence(stroke_at(many[:48]), few_rows, few, made.field)
+    mean = [x.columns[x.dab_of_sample < len(x.target)].mean(0) for x in (e, other)]
+    np.testing.assert_allclose(mean[0][:, :3], mean[1][:, :3], rtol=0.02, atol=2e-3)
+    assert len(np.unique(e.dab_of_sample[e.background_sample])) == 32 < len(e.target)
+
+
+def test_light_that_is_known_to_arrive_gives_the_same_columns(device: Device) -> None:
+    made = ground(device, (light_of("rect"),))
+    samples, rows = gather_samples(
+        stroke_at(DABS), made.scene, made.tracer, made.field, LightSet(made.scene, made.scene.lights), []
+    )
+    e = build_evidence(stroke_at(DABS), rows, samples, made.field)
+    levels = np.tile(np.array([0.2, 0.5]), (len(samples.eye), 1))
+    known = single_columns(samples, made.field, levels, arriving=e.arriving)
+    np.testing.assert_array_equal(known, single_columns(samples, made.field, levels))
+    assert known.any()
 
 
 def test_samples_lie_under_the_brush_as_its_painter_saw_it(device: Device) -> None:

@@ -28,7 +28,23 @@ from usdslf.surfaces.surface_points import SurfacePoints
 BACKGROUND = 24  # unpainted directions of a dab
 SHARPEST_BACKGROUND = 0.2  # roughness; sharper lobes fall between the bins
 Made = TypeVar("Made")
+MOST_BACKGROUND = 32  # dabs of a stroke whose unpainted directions are looked at
 VARIED = 5e-3  # range of roughness above which it varies
+
+
+@dataclass(frozen=True)
+class Arriving:
+    """Radiance over density of all rays and light samples of samples, device arrays (S, 3, row) as of RayLight."""
+
+    light_d: Any
+    specular_d: Any  # by the lights' specular factors; `light_d` where these are no others
+
+    @staticmethod
+    def at(samples: Samples, field: LightField) -> Arriving:
+        """What arrives now: what surfaces send in a light field, and what no edit changes."""
+        light_d = arriving_light(samples, field)
+        is_split = samples.light.fixed_specular_d is not samples.light.fixed_d
+        return Arriving(light_d, arriving_light(samples, field, specular=True) if is_split else light_d)
 
 
 @dataclass(frozen=True)
@@ -49,6 +65,7 @@ class Evidence:
     background_sample: NDArray[np.int64]  # (B,) the sample whose reflectance a background row has
     background: NDArray[np.float32]  # (B, J, 4, 3)
     doubtful: NDArray[np.float64] | None = None  # (S, 3, 3) radiance before any edit, see doubt.py; None: not known
+    arriving: Arriving | None = None  # that the columns were made of, on the device
     _made: dict[tuple[Any, ...], Any] = dataclass_field(default_factory=dict, init=False, repr=False)
 
     def once(self, name: tuple[Any, ...], make: Callable[[], Made]) -> Made:
@@ -75,7 +92,8 @@ def build_evidence(
     own = surface.roughness.astype(np.float64)
     first = np.searchsorted(samples.dab, np.arange(n))
     levels = sample_levels(own, float(own[samples.dab < n].mean()), field.model) if on_levels else own[:, None]
-    columns = single_columns(samples, field, levels)
+    arriving = Arriving.at(samples, field)
+    columns = single_columns(samples, field, levels, arriving=arriving)
     background_sample, background = np.zeros(0, np.int64), np.zeros((0, *columns.shape[1:]))
     if is_weighed:
         background_sample, background = _background(samples, field, levels, first)
@@ -88,7 +106,7 @@ def build_evidence(
         target = wanted
     return Evidence(
         stroke, target, surface.material[first].astype(np.int64), samples.dab, surface, levels, columns, unchanging,
-        background_sample, background, samples.doubtful,
+        background_sample, background, samples.doubtful, arriving,
     )  # fmt: skip
 
 
@@ -133,15 +151,20 @@ def evaluate_columns(
 
 
 def single_columns(
-    samples: Samples, field: LightField, levels: NDArray, model: str | None = None
+    samples: Samples, field: LightField, levels: NDArray, model: str | None = None, arriving: Arriving | None = None
 ) -> NDArray[np.float32]:
-    """Returns the same in single precision, for many levels."""
+    """Returns the same in single precision, for many levels.
+
+    Args:
+        arriving: the light that arrives now, where it is known.
+    """
     levels = np.maximum(levels, SHARPEST)
     rows, of = np.arange(len(samples.eye)), samples.light
-    found = _columns(field, samples.eye, rows, of.towards_d, arriving_light(samples, field), levels, model)
-    if of.fixed_specular_d is not of.fixed_d:
-        light_d = arriving_light(samples, field, specular=True)
-        found[:, :, 2:] = _columns(field, samples.eye, rows, of.towards_d, light_d, levels, model)[:, :, 2:]
+    arriving = arriving or Arriving.at(samples, field)
+    found = _columns(field, samples.eye, rows, of.towards_d, arriving.light_d, levels, model)
+    if arriving.specular_d is not arriving.light_d:
+        by_specular = _columns(field, samples.eye, rows, of.towards_d, arriving.specular_d, levels, model)
+        found[:, :, 2:] = by_specular[:, :, 2:]
     return found
 
 
@@ -173,8 +196,9 @@ def _columns(
 
 
 def _background(samples: Samples, field: LightField, levels: NDArray, first: NDArray) -> tuple[NDArray, NDArray]:
-    """Columns (B, J, 4, 3) of unpainted directions of each dab, from the bins of its nearest element."""
+    """Columns (B, J, 4, 3) of unpainted directions of dabs, from the bins of their nearest elements."""
     surface = samples.surface
+    first = first[np.linspace(0, len(first) - 1, min(len(first), MOST_BACKGROUND)).round().astype(int)]
     near = field.lookup.nearest(surface.triangle[first], surface.barycentric[first], samples.side[first])
     element, is_reached = near[0][:, 0], near[1][:, :1, None] > 0
     incident = field.incident(element) * is_reached  # a side that no light reaches has no elements

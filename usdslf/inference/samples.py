@@ -27,7 +27,8 @@ if TYPE_CHECKING:
 MOST_SAMPLES = 9216  # surface points of a stroke, where its dabs have more than the least:
 SAMPLES = (96, 384)  # least and most of a dab; detail varies over it more than light varies over a point's rays
 MOST_DABS = 128
-RAYS = 4608  # of a dab
+RAYS = 4608  # of a dab, and of a stroke no more than:
+MOST_RAYS = 48 * RAYS  # many dabs share what few have
 SHARPEST = 0.04  # roughness; sharper lobes count as this
 UNBENT = 1 - 1e-4  # cosine of a normal to itself, after it was turned to the eye
 ELSEWHERE = 96  # unpainted points of the painted materials
@@ -83,7 +84,7 @@ def gather_samples(
     if len(rows) > MOST_DABS:
         rows = rows[np.linspace(0, len(rows) - 1, MOST_DABS).round().astype(int)]
     count = int(np.clip(MOST_SAMPLES // len(rows), *SAMPLES))
-    rays = RAYS // count
+    rays = min(RAYS, MOST_RAYS // len(rows)) // count
     mixture = None
     if is_of_picture(stroke):
         mixture = mixed_footprint(stroke, scene, tracer, located, rows, count, lights)
