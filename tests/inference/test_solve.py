@@ -12,7 +12,17 @@ from reference import solve as ref
 from usdslf.inference.bilinear import Tables, pool_tables
 from usdslf.inference.candidate import Candidate
 from usdslf.inference.evidence import Evidence
-from usdslf.inference.fit import Problem, Specular, Way, fit, fit_robustly, relative_residuals
+from usdslf.inference.fit import (
+    Problem,
+    Rows,
+    Specular,
+    Way,
+    fit,
+    fit_robustly,
+    fit_rows,
+    fit_rows_robustly,
+    relative_residuals,
+)
 from usdslf.inference.solve import enumerate_candidates, refit, refit_problem, relative_error
 from usdslf.inference.weights import Options
 from usdslf.inference.whitening import whiten
@@ -256,6 +266,26 @@ def test_levels_that_are_fitted_together_are_fitted_each_for_itself(world: World
         c = way.candidate(together.dd[2], together.df[2], 2)
         r = problem.white @ relative_residuals(tables, c).reshape(-1)
         np.testing.assert_allclose(problem.misfit(r), together.misfit[2], rtol=1e-9)
+
+
+@pytest.mark.parametrize("model", ["preview_surface", "phong"])
+def test_ways_that_are_fitted_side_by_side_are_fitted_each_for_itself(world: World, levels: dict, model: str) -> None:
+    look = replace(PLASTIC, diffuse=(0.95, 0.1, 0.1), f0=(0.3, 0.1, 0.05))
+    tables, *_ = solved(painted(world, levels, PLASTIC, look, model=model), model=model)
+    tables = replace(tables, target=tables.target * np.random.default_rng(3).uniform(0.6, 1.4, tables.target.shape))
+    problem = Problem.of(tables, Options())
+    ways = [Way(d, s, g, f) for d in (True, False) for s in Specular for g in (True, False) for f in (True, False)]
+    at = [(k * 5) % (tables.own + 1) for k in range(len(ways))]
+    for beside, by_itself in ((fit_rows, fit), (fit_rows_robustly, fit_robustly)):
+        together = beside(problem, Rows(tuple(ways), np.array(at)))
+        alone = [by_itself(problem, way, (level,)) for way, level in zip(ways, at, strict=True)]
+        for name in ("dd", "df", "misfit"):
+            expected = np.concatenate([getattr(x, name) for x in alone])
+            np.testing.assert_allclose(getattr(together, name), expected, rtol=1e-6, atol=1e-9)
+    changes = {(w.diffuse, w.specular): (dd, df) for w, dd, df in zip(ways, together.dd, together.df, strict=True)}
+    assert np.ptp(changes[False, Specular.GREY][1]) == 0 < np.ptp(changes[False, Specular.COLOR][1])
+    for (diffuse, specular), (dd, df) in changes.items():
+        assert dd.any() == diffuse and df.any() == (specular is not Specular.KEPT)
 
 
 @pytest.mark.parametrize("change", [{"diffuse": (0.95, 0.9, 0.9)}, {"f0": (0.9, 0.9, 0.9)}, {"roughness": 0.5}])

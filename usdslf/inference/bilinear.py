@@ -8,6 +8,7 @@ Source: Nguyen et al. 2013, 5.3 (Eqs. 3 to 6), pooled over the stroke.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
@@ -46,6 +47,10 @@ class Bilinear:
     def at_level(self, level: int) -> Bilinear:
         """Returns the rows (n, 3) at one level."""
         return Bilinear(self.p[:, level], self.u[:, level], self.v[:, level], self.w[:, level])
+
+    def levels(self, levels: Sequence[int] | NDArray[np.int64]) -> Bilinear:
+        """Returns the rows (n, r, 3) at some of the levels."""
+        return Bilinear(*(x[:, levels] for x in (self.p, self.u, self.v, self.w)))
 
     def rows(self, rows: NDArray) -> Bilinear:
         """Returns some of the rows."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from usdslf.inference.bilinear import Bilinear, Tables
+from usdslf.inference.bilinear import Tables
 from usdslf.scene.records import F64
 from usdslf.surfaces.reflectance import Parameters, moved_roughness
 
@@ -82,11 +82,6 @@ class Candidate:
         """Returns the radiance (n, 3) of the dabs that the candidate gives at its level."""
         b = t.with_factors(self.is_factor_diffuse, self.is_factor_f0)
         return b.at_level(self.level).predict(self.delta_diffuse, self.delta_f0)
-
-    def radiance_beside(self, t: Tables, beside: Bilinear) -> F64:
-        """Returns the radiance (n, 3) of what was not painted, which knows terms only."""
-        c = self.as_terms(t)
-        return beside.at_level(self.level).predict(c.delta_diffuse, c.delta_f0)
 
     def as_terms(self, t: Tables) -> Candidate:
         """Returns the change with terms for factors, as they are for the mean colours."""

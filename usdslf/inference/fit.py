@@ -14,7 +14,7 @@ Source: Nguyen et al. 2013, 5.3 (Eqs. 3 to 6), pooled over the stroke; Holland a
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
 
@@ -30,6 +30,8 @@ from usdslf.scene.records import F64
 
 TRUST = (0.5, 0.25, 0.15, 0.1, 0.07, 0.05)  # relative error of a dab at which it has half its weight, round by round
 STEPS = 4  # of Gauss and Newton, for the bilinear candidates
+Kind = tuple[bool, bool]
+"""Whether the change of diffuse is a factor less one, and that of F0."""
 
 
 class Specular(Enum):
@@ -105,9 +107,15 @@ class Fits:
         dd, df = (np.where(wins[:, None], b, a) for a, b in ((self.dd, other.dd), (self.df, other.df)))
         return Fits(dd, df, np.where(wins, other.misfit, self.misfit))
 
-    def rows(self, rows: slice) -> Fits:
-        """Returns those of some of the levels."""
+    def rows(self, rows: NDArray[np.int64]) -> Fits:
+        """Returns some of them."""
         return Fits(self.dd[rows], self.df[rows], self.misfit[rows])
+
+    def with_rows(self, rows: NDArray[np.int64], other: Fits) -> Fits:
+        """Returns these with some of them replaced."""
+        dd, df, misfit = self.dd.copy(), self.df.copy(), self.misfit.copy()
+        dd[rows], df[rows], misfit[rows] = other.dd, other.df, other.misfit
+        return Fits(dd, df, misfit)
 
 
 @dataclass(frozen=True)
@@ -117,7 +125,7 @@ class Problem:
     tables: Tables
     options: Options
     white: White  # (3 m, 3 n)
-    _whitened: dict[tuple[bool, bool], Whitened] = field(default_factory=dict, init=False, repr=False)
+    _whitened: dict[Kind, tuple[Whitened, F64]] = field(default_factory=dict, init=False, repr=False)
 
     @staticmethod
     def of(t: Tables, o: Options) -> Problem:
@@ -130,18 +138,25 @@ class Problem:
         outlier = self.options.outlier
         return (outlier * np.log1p(of_dab / outlier)).sum(-1)
 
-    def whitened(self, way: Way, levels: Sequence[int]) -> Whitened:
+    def whitened(self, kind: Kind, levels: NDArray[np.int64]) -> Whitened:
         """Returns the whitened tables at some levels; all levels are whitened at once, and kept."""
-        kind = way.is_factor_diffuse, way.is_factor_f0
+        return self._whole(kind)[0].levels(levels)
+
+    def products(self, kind: Kind, levels: NDArray[np.int64]) -> F64:
+        """Returns their products with each other: (R, 10, 10), see `Whitened.products`."""
+        found = self._whole(kind)[1]
+        return found[levels]
+
+    def _whole(self, kind: Kind) -> tuple[Whitened, F64]:
         if kind not in self._whitened:
             t = self.tables
-            self._whitened[kind] = self._made_white(t.with_factors(*kind), np.ones((len(t.target), len(t.levels))))
-        return self._whitened[kind].levels(list(levels))
+            white = self._made_white(t.with_factors(*kind), np.ones((len(t.target), len(t.levels))))
+            self._whitened[kind] = white, white.products()
+        return self._whitened[kind]
 
-    def trusted(self, way: Way, levels: Sequence[int], trust: F64) -> Whitened:
-        """Returns the same by trust (n, J) in each dab at each level, 0..1."""
-        b, rows = self.tables.with_factors(way.is_factor_diffuse, way.is_factor_f0), list(levels)
-        return self._made_white(Bilinear(b.p[:, rows], b.u[:, rows], b.v[:, rows], b.w[:, rows]), trust)
+    def trusted(self, kind: Kind, levels: NDArray[np.int64], trust: F64) -> Whitened:
+        """Returns the same by trust (n, R) in each dab at each of the levels, 0..1."""
+        return self._made_white(self.tables.with_factors(*kind).levels(levels), trust)
 
     def _made_white(self, b: Bilinear, trust: F64) -> Whitened:
         return self.white.of_tables(b, self.tables.target, trust[..., None] / self.tables.scale[:, None])
@@ -152,25 +167,83 @@ def relative_residuals(t: Tables, c: Candidate) -> F64:
     return (c.radiance(t) - t.target) / t.scale
 
 
+@dataclass(frozen=True)
+class Rows:
+    """R fits that are made side by side: how each changes the material, and at which level of the tables."""
+
+    ways: tuple[Way, ...]
+    levels: NDArray[np.int64]  # (R,)
+
+    @staticmethod
+    def of(way: Way, levels: Sequence[int]) -> Rows:
+        """One way at some levels."""
+        return Rows((way,) * len(levels), np.asarray(levels, np.int64))
+
+    def __len__(self) -> int:
+        return len(self.ways)
+
+    def some(self, rows: NDArray[np.int64]) -> Rows:
+        """Returns some of them, or some several times."""
+        return Rows(tuple(self.ways[i] for i in rows), self.levels[rows])
+
+    def where(self, is_so: Callable[[Way], bool]) -> NDArray[np.int64]:
+        """Returns which of them (r,) change the material in a way that is so."""
+        return np.flatnonzero([is_so(w) for w in self.ways])
+
+    @property
+    def kinds(self) -> dict[Kind, NDArray[np.int64]]:
+        """Which of them (r,) have factors in place of terms, of diffuse and of F0."""
+        each = np.array([(w.is_factor_diffuse, w.is_factor_f0) for w in self.ways]).reshape(-1, 2)
+        return {(bool(a), bool(b)): np.flatnonzero((each == (a, b)).all(1)) for a, b in np.unique(each, axis=0)}
+
+    @property
+    def freed(self) -> F64:
+        """Unknowns (R, 6, 6): 1 where one, a column, moves a channel of d or F0; a grey F0 has one for all channels."""
+        turn = np.zeros((len(self), 6, 6))
+        for i, way in enumerate(self.ways):
+            turn[i, range(3), range(3)] = way.diffuse
+            if way.specular is Specular.COLOR:
+                turn[i, range(3, 6), range(3, 6)] = 1
+            elif way.specular is Specular.GREY:
+                turn[i, 3:, 3] = 1
+        return turn
+
+
 def fit_robustly(problem: Problem, way: Way, levels: Sequence[int]) -> Fits:
     """Least squares again and again, with less and less trust in dabs that stay far off; at each level by itself."""
-    best = fit(problem, way, levels)
-    if not way.has_colors:
-        return best
-    t, count = problem.tables, len(levels)
-    dd, df, twice = best.dd, best.df, list(levels)
-    if not (way.diffuse and way.has_specular):
-        other = _median_change(t, way, levels)
-        dd, df, twice = np.concatenate([dd, other[0]]), np.concatenate([df, other[1]]), 2 * twice
-    b = t.with_factors(way.is_factor_diffuse, way.is_factor_f0)
-    b = Bilinear(b.p[:, twice], b.u[:, twice], b.v[:, twice], b.w[:, twice])
+    return fit_rows_robustly(problem, Rows.of(way, levels))
+
+
+def fit_rows_robustly(problem: Problem, rows: Rows) -> Fits:
+    """The same of fits side by side, each by itself."""
+    best = fit_rows(problem, rows)
+    for kind, of_kind in rows.kinds.items():
+        mine = of_kind[rows.some(of_kind).where(lambda w: w.has_colors)]
+        if len(mine):
+            best = best.with_rows(mine, _robust_fits(problem, rows.some(mine), kind, best.rows(mine)))
+    return best
+
+
+def _robust_fits(problem: Problem, rows: Rows, kind: Kind, best: Fits) -> Fits:
+    """Fits of one kind that all change colours, from the best so far."""
+    t, twice = problem.tables, rows.where(lambda w: not (w.diffuse and w.has_specular))
+    dd, df = best.dd, best.df
+    for way in dict.fromkeys(rows.ways[i] for i in twice):
+        other = _median_change(t, way, [int(rows.levels[i]) for i in twice if rows.ways[i] == way])
+        dd, df = np.concatenate([dd, other[0]]), np.concatenate([df, other[1]])
+    again = [i for way in dict.fromkeys(rows.ways[i] for i in twice) for i in twice if rows.ways[i] == way]
+    number = np.concatenate([np.arange(len(rows)), np.array(again, np.int64)])
+    both = rows.some(number)
+    b = t.with_factors(*kind).levels(both.levels)
     for reach in TRUST:
         off = (b.predict(dd, df) - t.target[:, None]) / t.scale[:, None]
-        found = fit(problem, way, twice, np.sqrt(1 / (1 + (off * off).mean(2) / reach**2)))
+        size = np.einsum("nrc,nrc->nr", off, off) / 3
+        found = fit_rows(problem, both, np.sqrt(1 / (1 + size / reach**2)))
         dd, df = found.dd, found.df
-        for first in range(0, len(twice), count):
-            part = found.rows(slice(first, first + count))
-            best = best.with_those(part, part.misfit < best.misfit)
+        for part in (np.arange(len(rows)), np.arange(len(rows), len(both))):
+            of, of_part = number[part], found.rows(part)
+            wins = of_part.misfit < best.misfit[of]
+            best = best.with_rows(of[wins], of_part.rows(np.flatnonzero(wins)))
     return best
 
 
@@ -209,45 +282,69 @@ def fit(problem: Problem, way: Way, levels: Sequence[int], trust: F64 | None = N
     Args:
         trust: (n, J) in each dab at each level, 0..1; None: whole.
     """
-    t = problem.tables
-    whole = problem.whitened(way, levels)
-    now = whole if trust is None else problem.trusted(way, levels, trust)
-    zero = np.zeros((len(levels), 3))
-    dd, df = hold_energy(t, zero, zero, way)
-    rounds = STEPS if way.diffuse and way.has_specular else 2
-    for _ in range(rounds if way.has_colors else 0):
-        a, at, low, high = _linear(now, t, way, dd, df)
-        across = a.transpose(0, 2, 1)
-        normal = across @ a
-        right = normal @ at[..., None] - across @ now.at(dd, df)[..., None]
-        x = bounded_solutions(normal, right[..., 0], low, high)
-        if way.diffuse:
-            dd, x = x[:, :3], x[:, 3:]
-        if way.has_specular:
-            df = x[:, :3] if way.specular is Specular.COLOR else x[:, :1] * np.ones(3)
-        dd, df = hold_energy(t, dd, df, way)
-    return Fits(dd, df, problem.misfit(whole.at(dd, df)))
+    return fit_rows(problem, Rows.of(way, levels), trust)
 
 
-def _linear(x: Whitened, t: Tables, way: Way, dd: F64, df: F64) -> tuple[F64, F64, F64, F64]:
-    """Slopes (J, m, k) of the residuals about changes (J, 3); the k changes (J, k), their least and greatest (k,)."""
-    columns: list[F64] = []
-    at: list[F64] = []
-    low: list[F64] = []
-    high: list[F64] = []
-    (low_d, high_d), (low_f, high_f) = bounds_of_tables(t, way.is_factor_diffuse, way.is_factor_f0)
-    if way.diffuse:
-        columns.append(x.u - df[:, None] * x.w)
-        at, low, high = [*at, dd], [*low, low_d], [*high, high_d]
-    if way.has_specular:
-        slope = x.v - dd[:, None] * x.w
-        if way.specular is Specular.COLOR:
-            columns.append(slope)
-            at, low, high = [*at, df], [*low, low_f], [*high, high_f]
-        else:
-            columns.append(slope.sum(2, keepdims=True))
-            at, low, high = [*at, df[:, :1]], [*low, low_f.max(keepdims=True)], [*high, high_f.min(keepdims=True)]
-    return np.concatenate(columns, 2), np.concatenate(at, 1), np.concatenate(low), np.concatenate(high)
+def fit_rows(problem: Problem, rows: Rows, trust: F64 | None = None) -> Fits:
+    """The same of fits side by side, each by itself.
+
+    Args:
+        trust: (n, R) in each dab; None: whole.
+    """
+    found = Fits(np.zeros((len(rows), 3)), np.zeros((len(rows), 3)), np.zeros(len(rows)))
+    for kind, mine in rows.kinds.items():
+        part = _fits_of_kind(problem, rows.some(mine), kind, None if trust is None else trust[:, mine])
+        found = found.with_rows(mine, part)
+    return found
+
+
+def _fits_of_kind(problem: Problem, rows: Rows, kind: Kind, trust: F64 | None) -> Fits:
+    t, zero = problem.tables, np.zeros((len(rows), 3))
+    if trust is None:
+        products = problem.products(kind, rows.levels)
+    else:
+        products = problem.trusted(kind, rows.levels, trust).products()
+    dd, df = _held(t, zero, zero, rows)
+    turn = rows.freed
+    is_free, back = np.asarray(turn.any(1)), turn.transpose(0, 2, 1)
+    ends = [np.concatenate(x) for x in zip(*bounds_of_tables(t, *kind), strict=True)]
+    some = np.where(turn > 0, 1.0, np.nan)
+    low, high = (
+        np.where(is_free, how(np.where(np.isnan(some), fill, some * x[:, None]), 1), 0.0)
+        for how, fill, x in ((np.max, -np.inf, ends[0]), (np.min, np.inf, ends[1]))
+    )
+    steps = STEPS if any(w.diffuse and w.has_specular for w in rows.ways) else 2
+    for _ in range(steps if is_free.any() else 0):
+        state = np.concatenate([np.ones((len(rows), 1)), dd, df, -dd * df], 1)
+        slope = _slopes(dd, df) @ turn  # of the state, (R, 10, 6)
+        by_state = slope.transpose(0, 2, 1) @ products
+        normal = by_state @ slope
+        at = np.concatenate([dd, df], 1)
+        at = (back @ at[..., None])[..., 0] / np.maximum(turn.sum(1), 1)
+        right = (normal @ at[..., None] - by_state @ state[..., None])[..., 0]
+        x = np.asarray(turn @ bounded_solutions(normal, right, low, high, is_free)[..., None])[..., 0]
+        dd, df = _held(t, x[:, :3], x[:, 3:], rows)
+    return Fits(dd, df, problem.misfit(problem.whitened(kind, rows.levels).at(dd, df)))
+
+
+def _slopes(dd: F64, df: F64) -> F64:
+    """Derivatives (R, 10, 6) of 1, dd, dF, -dd dF by dd and dF."""
+    out = np.zeros((len(dd), 10, 6))
+    for k in range(3):
+        out[:, 1 + k, k] = out[:, 4 + k, 3 + k] = 1
+        out[:, 7 + k, k], out[:, 7 + k, 3 + k] = -df[:, k], -dd[:, k]
+    return out
+
+
+def _held(t: Tables, dd: F64, df: F64, rows: Rows) -> tuple[F64, F64]:
+    """Changes (R, 3) of fits, each held to what its way may reflect."""
+    if not t.must_hold_energy:
+        return dd, df
+    dd, df = dd.copy(), df.copy()
+    for way in set(rows.ways):
+        mine = rows.where(lambda w, way=way: w == way)  # type: ignore[misc]
+        dd[mine], df[mine] = hold_energy(t, dd[mine], df[mine], way)
+    return dd, df
 
 
 def hold_energy(t: Tables, dd: F64, df: F64, way: Way) -> tuple[F64, F64]:

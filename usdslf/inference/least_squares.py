@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from usdslf.scene.records import F64
 
@@ -19,7 +20,9 @@ def bounded_least_squares(a: F64, b: F64, low: F64, high: F64) -> F64:
     return bounded_solutions((a.T @ a)[None], (a.T @ b)[None], low, high)[0]
 
 
-def bounded_solutions(normal: F64, right: F64, low: F64, high: F64) -> F64:
+def bounded_solutions(
+    normal: F64, right: F64, low: F64, high: F64, asked: NDArray[np.bool_] | None = None
+) -> F64:  # fmt: skip
     """Returns x (J, k) that lower x normal x / 2 - right x within bounds, J problems at once.
 
     What leaves the bounds is fixed there and the rest solved again.  What was fixed is not let go again, so that k
@@ -28,10 +31,11 @@ def bounded_solutions(normal: F64, right: F64, low: F64, high: F64) -> F64:
 
     Args:
         normal, right: (J, k, k) and (J, k): of columns and what they are to make.
-        low, high: (k,), low <= high.
+        low, high: (k,) or (J, k), low <= high.
+        asked: (J, k) which unknowns there are, the others are 0; None: all.
     """
     count, k = right.shape
-    free = np.ones((count, k), bool)
+    free = np.ones((count, k), bool) if asked is None else asked.copy()
     x: F64 = np.clip(np.zeros((count, k)), low, high)
     eye = np.eye(k)
     size = np.diagonal(normal, axis1=1, axis2=2)

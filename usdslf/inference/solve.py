@@ -9,22 +9,33 @@ Source: Nguyen et al. 2013, 5.3 (Eqs. 3 to 6), pooled over the stroke; Schwarz 1
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from usdslf.edits.whole_set import Colored
-from usdslf.inference.bilinear import Tables
+from usdslf.inference.bilinear import Bilinear, Tables
 from usdslf.inference.candidate import GROUPS, Candidate
-from usdslf.inference.fit import Problem, Specular, Way, fit, fit_robustly, relative_residuals
+from usdslf.inference.fit import (
+    Problem,
+    Rows,
+    Specular,
+    Way,
+    fit_robustly,
+    fit_rows,
+    fit_rows_robustly,
+    relative_residuals,
+)
 from usdslf.inference.weights import Options
 from usdslf.progress import tell
+from usdslf.scene.records import F64
 
 FEWEST_HEARD = 4  # dabs; fewer count as many
 COLOR_GAIN = 4.0  # misfit for which a grey metal becomes coloured
 WANTING = 0.1  # relative error at which what was painted is not there yet
 MOST_BACKGROUND = 1.5  # mean square relative change of the unpainted directions, where it counts no more
+MOST_BESIDE = 1 << 13  # rows of all candidates that are looked at together
 COLORED, GREY = 0.05, 0.02  # range of the channels of F0
 
 
@@ -37,16 +48,19 @@ def enumerate_candidates(t: Tables, o: Options | None = None, groups: tuple[str,
     Returns: those that the norm admits come before the others.
     """
     problem = Problem.of(t, o or Options())
-    best: dict[tuple[str, Specular], Candidate] = {}
+    ways: list[Way] = []
+    levels: list[int] = []
     for free_gloss in (False, True) if "glossiness" in groups else (False,):
-        levels = range(t.own) if free_gloss else (t.own,)
         for diffuse in (False, True) if "diffuse" in groups else (False,):
             for specular in _ways_of_specular(t) if "specular" in groups else (Specular.KEPT,):
-                way = Way(diffuse, specular, free_gloss)
-                found = min(_fitted(problem, way, levels), key=lambda c: c.rank)
-                if (found.id, specular) not in best or found.rank < best[found.id, specular].rank:
-                    best[found.id, specular] = found
-    robust = [_fitted(problem, replace(Way.of(c), is_factor=False), (c.level,), True)[0] for c in best.values()]
+                mine = range(t.own) if free_gloss else (t.own,)
+                ways += [Way(diffuse, specular, free_gloss)] * len(mine)
+                levels += mine
+    best: dict[Way, Candidate] = {}
+    for way, c in zip(ways, _fitted(problem, ways, levels), strict=True):
+        if way not in best or c.rank < best[way].rank:
+            best[way] = c
+    robust = _fitted(problem, list(best), [c.level for c in best.values()], True)
     robust.sort(key=lambda c: c.rank)
     return [c for i, c in enumerate(robust) if c.id not in {other.id for other in robust[:i]}]
 
@@ -57,24 +71,33 @@ def _ways_of_specular(t: Tables) -> list[Specular]:
     return [s for s in Specular if not (is_grey and s is Specular.COLOR)]
 
 
-def _fitted(problem: Problem, way: Way, levels: Sequence[int], robust: bool = False) -> list[Candidate]:
+def _fitted(
+    problem: Problem, ways: Sequence[Way], levels: Sequence[int], robust: bool = False
+) -> list[Candidate]:  # fmt: skip
     """Candidates with their costs: by terms or, where a texture has other colours, by factors if these explain more."""
-    t = problem.tables
-    can_be_factor = t.is_textured if way.diffuse else t.is_textured_f0 and way.specular is Specular.COLOR
-    how = fit_robustly if robust else fit
+    t, how = problem.tables, fit_rows_robustly if robust else fit_rows
     tell()
-    ways = (way, replace(way, is_factor=True)) if can_be_factor else (way,)
-    fits = [how(problem, w, levels) for w in ways]
+    rows = Rows(tuple(ways), np.array(levels, np.int64))
+    found, kinds = how(problem, rows), list(ways)
+    can = rows.where(lambda w: t.is_textured if w.diffuse else t.is_textured_f0 and w.specular is Specular.COLOR)
+    if len(can):
+        factors = Rows(tuple(replace(ways[i], is_factor=True) for i in can), rows.levels[can])
+        by_factor = how(problem, factors)
+        wins = np.flatnonzero(by_factor.misfit < found.misfit[can])
+        found = found.with_rows(can[wins], by_factor.rows(wins))
+        for won in wins:
+            kinds[can[won]] = factors.ways[won]
     candidates = []
-    for i, level in enumerate(levels):
-        which = int(np.argmin([f.misfit[i] for f in fits]))
-        found, kind = fits[which], ways[which]
-        shift = float(t.levels[level] - t.roughness) if way.glossiness else 0.0
-        mean = t.roughness if way.glossiness and t.is_textured_roughness else 0.0
+    for i, (kind, level) in enumerate(zip(kinds, levels, strict=True)):
+        shift = float(t.levels[level] - t.roughness) if kind.glossiness else 0.0
+        mean = t.roughness if kind.glossiness and t.is_textured_roughness else 0.0
         c = kind.candidate(found.dd[i], found.df[i], level)
-        c = replace(c, roughness_shift=shift, roughness_mean=mean, misfit=float(found.misfit[i]))
-        candidates.append(replace(c, cost=score(t, problem.options, c), is_admitted=is_admitted(problem.options, c)))
-    return candidates
+        candidates.append(replace(c, roughness_shift=shift, roughness_mean=mean, misfit=float(found.misfit[i])))
+    costs = scores(t, problem.options, candidates)
+    return [
+        replace(c, cost=float(x), is_admitted=is_admitted(problem.options, c))
+        for c, x in zip(candidates, costs, strict=True)
+    ]  # fmt: skip
 
 
 def is_admitted(o: Options, c: Candidate) -> bool:
@@ -86,7 +109,12 @@ def is_admitted(o: Options, c: Candidate) -> bool:
 
 
 def score(t: Tables, o: Options, c: Candidate) -> float:
-    """Returns what a candidate costs, the less the better; costs compare within one norm and pool.
+    """Returns what one candidate costs; see `scores`."""
+    return float(scores(t, o, [c])[0])
+
+
+def scores(t: Tables, o: Options, candidates: Sequence[Candidate]) -> F64:
+    """Returns what candidates (C,) cost, the less the better; costs compare within one norm and pool.
 
     With n dabs, h = max(n, FEWEST_HEARD), the misfit M of fit.py, the mean square B of the relative change of
     unpainted directions, the gain G of `place_gain`, and tail, background, ... the options of those names:
@@ -103,15 +131,21 @@ def score(t: Tables, o: Options, c: Candidate) -> float:
     The last line is the paper's own choice, pooled over the stroke (Nguyen et al. 2013, Eq. 4).
     """
     n = len(t.target)
-    background = background_misfit(t, c)
+    misfit, background = np.array([c.misfit for c in candidates]), background_misfits(t, candidates)
     if o.norm == "mixed" and o.factors is not None:
-        return float((c.misfit + o.background * n * background) * o.factors[max(len(c.freed), 1) - 1])
-    cost = tempered(c.misfit, n, o, max(n, FEWEST_HEARD)) + o.background * n * min(background, MOST_BACKGROUND)
-    cost -= o.place * place_gain(t, o, c)
+        number = [max(len(c.freed), 1) - 1 for c in candidates]
+        return (misfit + o.background * n * background) * np.array(o.factors, np.float64)[number]
+    cost = tempered(misfit, n, o, max(n, FEWEST_HEARD)) + o.background * n * np.minimum(background, MOST_BACKGROUND)
+    cost -= o.place * place_gains(t, o, candidates)
     if o.norm == "l2":
-        return float(cost)
+        return cost
+    return cost + [_of_parameters(t, o, c) for c in candidates]
+
+
+def _of_parameters(t: Tables, o: Options, c: Candidate) -> float:
+    """What a candidate costs by what it changes, whatever it explains."""
     is_wanting = not c.freed and relative_error(t, c) > WANTING
-    cost += o.nothing * is_wanting + o.freedom * c.freedoms + o.group * max(len(c.freed) - 1, 0)
+    cost = o.nothing * is_wanting + o.freedom * c.freedoms + o.group * max(len(c.freed) - 1, 0)
     if t.is_metal and "diffuse" in c.freed:
         cost += o.kind
     is_colored = float(np.ptp(c.f0_of(t.f0))) > COLORED
@@ -120,37 +154,56 @@ def score(t: Tables, o: Options, c: Candidate) -> float:
     return float(cost)
 
 
-def tempered(misfit: float, n: int, o: Options, heard: int | None = None) -> float:
-    """Returns a misfit of n dabs as it counts: beyond Options.tail a dab, by its logarithm.
+def tempered(misfit: F64 | float, n: int, o: Options, heard: int | None = None) -> F64:
+    """Returns misfits of n dabs as they count: beyond Options.tail a dab, by their logarithm.
 
     Args:
         heard: dabs that these count as; None: n.
     """
-    return float((heard or n) * o.tail * np.log1p(misfit / (n * o.tail)))
+    return np.asarray((heard or n) * o.tail * np.log1p(np.asarray(misfit) / (n * o.tail)))
 
 
-def background_misfit(t: Tables, c: Candidate) -> float:
-    """Returns the mean square relative change of the unpainted directions, 0..9."""
+def background_misfits(t: Tables, candidates: Sequence[Candidate]) -> F64:
+    """Returns the mean square relative changes (C,) of the unpainted directions, 0..9."""
     if not len(t.background):
-        return 0.0
-    change = c.radiance_beside(t, t.background) - t.background.p[:, t.own]
-    r = np.minimum(np.abs(change / t.background_scale), 3.0)
-    return float((r * r).mean())
+        return np.zeros(len(candidates))
+    before = t.background.p[:, t.own]
+    found = []
+    for seen in _beside(t, t.background, candidates):
+        r = np.minimum(np.abs((seen - before[:, None]) / t.background_scale[:, None]), 3.0)
+        found.append(np.einsum("brc,brc->r", r, r) / (3 * len(before)))
+    return np.concatenate(found)
 
 
-def place_gain(t: Tables, o: Options, c: Candidate) -> float:
-    """Returns how much better than chance the stroke lies where the candidate changes what is seen.
+def place_gains(t: Tables, o: Options, candidates: Sequence[Candidate]) -> F64:
+    """Returns how much better than chance (C,) the stroke lies where candidates change what is seen.
 
     The sum over the dabs of log(change at the dab / mean change over the painted surfaces that the eye sees):
     nothing for a change that is the same everywhere, a gain for a highlight that was painted where it appears.
     """
-    if not len(t.elsewhere) or not c.freed:
-        return 0.0
-    here = np.abs(c.radiance(t) - t.before)
-    there = np.abs(c.radiance_beside(t, t.elsewhere) - t.elsewhere.p[:, t.own])
+    gains = np.zeros(len(candidates))
+    rows = [i for i, c in enumerate(candidates) if c.freed]
+    if not len(t.elsewhere) or not rows:
+        return gains
     floor = max(o.visible * t.target.mean(), 1e-9)  # black paint
-    here, there = here.sum(1) + floor, there.sum(1) + floor
-    return float(np.log(here / there.mean()).sum())
+    before = t.elsewhere.p[:, t.own]
+    asked = [candidates[i] for i in rows]
+    there = np.concatenate(
+        [(np.abs(seen - before[:, None]).sum(2) + floor).mean(0) for seen in _beside(t, t.elsewhere, asked)]
+    )
+    for i, c, mean in zip(rows, asked, there, strict=True):
+        here = np.abs(c.radiance(t) - t.before).sum(1) + floor
+        gains[i] = np.log(here / mean).sum()
+    return gains
+
+
+def _beside(t: Tables, beside: Bilinear, candidates: Sequence[Candidate]) -> Iterator[F64]:
+    """What candidates make of rows (n) that were not painted: (n, r, 3) of some candidates after the others."""
+    step = max(MOST_BESIDE // max(len(beside), 1), 1)
+    for first in range(0, len(candidates), step):
+        some = [c.as_terms(t) for c in candidates[first : first + step]]
+        at = beside.levels([c.level for c in some])
+        yield at.predict(np.array([c.delta_diffuse for c in some]), np.array([c.delta_f0 for c in some]))
 
 
 def refit_problem(t: Tables, o: Options | None = None) -> Problem:

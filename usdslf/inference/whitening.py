@@ -37,7 +37,12 @@ class Whitened:
         both = np.concatenate([dd, df, -dd * df], 1)[..., None]
         return self.rest + (np.concatenate([self.u, self.v, self.w], 2) @ both)[..., 0]
 
-    def levels(self, rows: list[int]) -> Whitened:
+    def products(self) -> F64:
+        """Returns the products (J, 10, 10) of rest, and of three channels of U, V and W, with each other."""
+        all_of = np.concatenate([self.rest[..., None], self.u, self.v, self.w], 2)
+        return np.asarray(all_of.transpose(0, 2, 1) @ all_of)
+
+    def levels(self, rows: NDArray[np.int64]) -> Whitened:
         """Returns those of some of the levels."""
         return Whitened(self.rest[rows], self.u[rows], self.v[rows], self.w[rows])
 
@@ -149,11 +154,21 @@ def white_of_axes(grey: F64, color: F64) -> White:
 
 
 def gaps_and_extents(place: F64, stroke: NDArray) -> tuple[F64, F64]:
-    """Returns the distances of dabs (n, n), and the extent of the stroke (n,) that each is of."""
+    """Returns the distances of dabs (n, n), and the extent of the stroke (n,) that each is of; not to be written to."""
+    return _gaps_of(np.asarray(place, np.float64).tobytes(), stroke.astype(np.int64).tobytes())
+
+
+@lru_cache(maxsize=4)
+def _gaps_of(at: bytes, group: bytes) -> tuple[F64, F64]:
+    """The same by the values that it depends on."""
+    place, stroke = np.frombuffer(at, np.float64).reshape(-1, 3), np.frombuffer(group, np.int64)
     gap = np.linalg.norm(place[:, None] - place[None], axis=-1)
     which, number = np.unique(stroke, return_inverse=True)
     extent = np.array([gap[np.ix_(stroke == s, stroke == s)].max() for s in which])
-    return gap, extent[number.reshape(-1)]
+    extent = extent[number.reshape(-1)]
+    for x in (gap, extent):
+        x.flags.writeable = False
+    return gap, extent
 
 
 def inverse_root(covariance: F64) -> F64:
