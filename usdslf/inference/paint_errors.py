@@ -26,7 +26,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -319,11 +319,22 @@ def _of_strokes(t: Tables) -> F64:
 
 
 def _shared(t: Tables, o: Options) -> tuple[F64, F64]:
-    """Covariance (n, n) of drift, and which dabs are of one stroke."""
-    same = (t.stroke[:, None] == t.stroke[None]).astype(float)
-    gap, extent = gaps_and_extents(t.place, t.stroke)
-    drift = same * np.exp(-ROUGH * gap / np.maximum(o.drift_length * extent, 1e-9)[:, None])
-    return o.drift_error**2 * 0.5 * (drift + drift.T), same
+    """Covariance (n, n) of drift, and which dabs are of one stroke; not to be written to."""
+    place, stroke = np.asarray(t.place, np.float64).tobytes(), t.stroke.astype(np.int64).tobytes()
+    return _shared_by(place, stroke, o.drift_length, o.drift_error)
+
+
+@lru_cache(maxsize=4)
+def _shared_by(at: bytes, group: bytes, drift_length: float, drift_error: float) -> tuple[F64, F64]:
+    """The same by the values that it depends on: all explanations of a pool ask for it."""
+    place, stroke = np.frombuffer(at, np.float64).reshape(-1, 3), np.frombuffer(group, np.int64)
+    same = (stroke[:, None] == stroke[None]).astype(float)
+    gap, extent = gaps_and_extents(place, stroke)
+    drift = same * np.exp(-ROUGH * gap / np.maximum(drift_length * extent, 1e-9)[:, None])
+    drift = drift_error**2 * 0.5 * (drift + drift.T)
+    for x in (drift, same):
+        x.flags.writeable = False
+    return drift, same
 
 
 def _sizes(y: F64, explained: F64, alike: F64, usual: tuple[float, float]) -> tuple[float, float]:
