@@ -11,6 +11,7 @@ from kit.varying_floor import gradient, places, seen, stroke, surface_at, write_
 from pxr import Usd
 
 import usdslf
+from usdslf.geometry import closest_point, uv_layout
 from usdslf.geometry.uv_layout import lies_flat
 from usdslf.session import Session
 from usdslf.shot import Shot
@@ -50,10 +51,13 @@ def test_a_gradient_varies_and_its_texture_reads_back_as_painted(session: Sessio
     assert [f.read_bytes() for f in [look, *sorted((tmp_path / "look.textures").iterdir())]] == before
 
 
-def test_without_texture_coordinates_the_points_carry_it(tmp_path: Path) -> None:
+def test_without_texture_coordinates_the_points_carry_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     session = usdslf.open(str(write_floor(tmp_path, points_on_a_side=33)), elements=400)
+    sorted_, sort = [], closest_point._Spheres.__init__
+    monkeypatch.setattr(closest_point._Spheres, "__init__", lambda s, *a: (sorted_.append(len(a[0])), sort(s, *a))[1])
     found = solve(session, stroke(seen(places(), gradient(places()))))
     assert found["varies"]
+    assert len(sorted_) <= 2, sorted_  # those of the scene for the stroke, those of the material for all its changes
     look = tmp_path / "look.usda"
     (edit,) = session.author(look)
     assert (edit.representation, edit.attribute, edit.wins) == ("primvar", "primvars:slf:diffuseColor", True)
@@ -63,12 +67,16 @@ def test_without_texture_coordinates_the_points_carry_it(tmp_path: Path) -> None
     assert Usd.Stage.Open(str(look)).GetAttributeAtPath("/World/floor.primvars:slf:diffuseColor").HasValue()
 
 
-def test_coordinates_without_area_are_none(session: Session) -> None:
-    scene = session.scene
+def test_coordinates_without_area_are_none(session: Session, monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = replace(session.scene)
     every = np.arange(len(scene.triangles.mesh))
+    drawn, draw = [], uv_layout.texel_points
+    monkeypatch.setattr(uv_layout, "texel_points", lambda uv, *a: (drawn.append(len(uv)), draw(uv, *a))[1])
     assert lies_flat(scene, every, "st")
     collapsed = tuple(replace(m, uvs={k: 0 * v for k, v in m.uvs.items()}) for m in scene.meshes)
     assert not lies_flat(replace(scene, meshes=collapsed), every, "st")
+    assert lies_flat(scene, every, "st") and lies_flat(scene, every[1:], "st")
+    assert drawn == [len(every), len(every), len(every) - 1]  # the same is drawn once
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])

@@ -11,10 +11,12 @@ meshes whose points are close enough, a value at each of their points.
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
+from weakref import ReferenceType, ref
 
 import numpy as np
 from numpy.typing import NDArray
@@ -153,7 +155,7 @@ def _metallic(scene: Scene, m: Material, triangles: NDArray, v: Varies) -> tuple
         return float(m.metallic[0]), float(m.metallic[0])
     if m.use_specular_workflow or v.is_even or not len(triangles):
         return 0.0, 1.0
-    near = nearest_on_triangles(scene.triangles.positions[triangles], v.places.position)
+    near = nearest_on_triangles(_corners_of(scene, triangles), v.places.position)
     seen = places_at(scene, triangles[near.triangle].astype(np.int32), near.barycentric.astype(np.float32)).metallic
     assert seen is not None
     low, high = float(seen.min()), float(seen.max())
@@ -251,6 +253,21 @@ def _beside_driven_metallic(m: Material, name: str, v: Varies, x: Places, change
     return before, np.clip(before + change * (1 - share if v.parameter == "diffuse" else share), 0, 1)
 
 
+def _corners_of(scene: Scene, triangles: NDArray) -> NDArray:
+    """Corners (k, 3, 3) of triangles; the same array for the same ones, which are searched again and again."""
+    of, rows = scene.triangles.positions, triangles.tobytes()
+    for known, known_rows, corners in tuple(_CORNERS):
+        if known() is of and known_rows == rows:
+            return corners
+    corners = of[triangles]
+    _CORNERS.append((ref(of), rows, corners))
+    return corners
+
+
+_CORNERS: deque[tuple[ReferenceType[NDArray], bytes, NDArray]] = deque(maxlen=2)
+"""What was asked last: the triangles of a material, for each change of it that is weighed."""
+
+
 # ---- points ------------------------------------------------------------------------------------
 def _why_not_points(scene: Scene, triangles: NDArray, v: Varies) -> str:
     """Why the points of meshes cannot carry a change; "" where they can."""
@@ -261,7 +278,7 @@ def _why_not_points(scene: Scene, triangles: NDArray, v: Varies) -> str:
             return f"{mesh.path} is a copy of an instancer, which all have the same points"
         if not mesh.has_points:
             return f"{mesh.path} has no points of its own that stay in place"
-    near = nearest_on_triangles(table.positions[triangles], v.places.position)
+    near = nearest_on_triangles(_corners_of(scene, triangles), v.places.position)
     corners = np.broadcast_to(np.eye(3)[:, 1:], (len(v.places), 3, 2)).reshape(-1, 2).astype(np.float32)
     at_corners = v.at(places_at(scene, np.repeat(triangles[near.triangle], 3).astype(np.int32), corners))
     share = np.concatenate([1 - near.barycentric.sum(1, keepdims=True), near.barycentric], 1)

@@ -64,8 +64,8 @@ def nearest_on_triangles(corners: NDArray, points: NDArray, pair: NDArray | None
     return out
 
 
-_SEARCHED: deque[tuple[ReferenceType[NDArray], _Spheres]] = deque(maxlen=2)
-"""What was searched last: a scene's triangles for each stroke, which never change."""
+_SEARCHED: deque[tuple[ReferenceType[NDArray], _Spheres]] = deque(maxlen=3)
+"""What was searched last: a scene's triangles for each stroke, those of a material; they never change."""
 
 
 class _Spheres:

@@ -6,6 +6,9 @@
 
 from __future__ import annotations
 
+from collections import deque
+from weakref import ReferenceType, ref
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -31,6 +34,20 @@ def lies_flat(scene: Scene, triangles: NDArray, uv_set: str, texture: Texture | 
     Args:
         texture: whose transform and wrap modes bring them to their texels; None: a new one.
     """
+    asked = triangles.tobytes(), uv_set
+    for known, known_asked, of_texture, answer in tuple(_KNOWN):
+        if known() is scene and known_asked == asked and of_texture is texture:
+            return answer
+    found = _lies_flat(scene, triangles, uv_set, texture)
+    _KNOWN.append((ref(scene), asked, texture, found))
+    return found
+
+
+_KNOWN: deque[tuple[ReferenceType[Scene], tuple[bytes, str], Texture | None, bool]] = deque(maxlen=8)
+"""What was asked last: every change of a material that is weighed asks the same."""
+
+
+def _lies_flat(scene: Scene, triangles: NDArray, uv_set: str, texture: Texture | None) -> bool:
     uv = scene.corner_uvs(uv_set)[triangles].astype(np.float64)
     area = scene.triangles.areas[triangles]
     if texture is not None and texture.tiles:
