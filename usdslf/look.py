@@ -28,6 +28,7 @@ from usdslf.inference.answer_residuals import residual_as_written
 from usdslf.inference.answers import Pool
 from usdslf.inference.asked import asked_of
 from usdslf.inference.changes import with_varying
+from usdslf.light_field.renewal import renew
 from usdslf.light_field.surface import Surface
 from usdslf.progress import step, tell, tell_during
 from usdslf.provenance import program_version, said_of_solve, words_of_phong, words_of_solve
@@ -377,8 +378,10 @@ def _read_back(
 
     def looked_at() -> tuple[Stylized | None, list[float]]:
         """What the light field of the look is to a style, and the residuals of what varies."""
-        under = field.with_surface(Surface.of(refresh_reflectance(shot.elements, shot.scene, scene)))
-        under.settle(shot.bounces)
+        start = solution.stylized.light if solution.stylized and solution.stylized.light else field
+        under = start.with_surface(Surface.of(refresh_reflectance(shot.elements, shot.scene, scene)))
+        matters = np.sum([p.samples.sees(field) for p in solution.painted], axis=0) if varying else None
+        renew(under, shot.bounces, matters=matters)
         style = solution.stylized.as_written(under) if solution.stylized else None
         return style, [residual_as_written(a, scene, list(solution.painted), under) for a in varying]
 

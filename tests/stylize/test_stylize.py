@@ -246,13 +246,13 @@ def test_the_result_is_a_valid_reflectance_that_explains_more(room: Lit, by_amou
 
 
 def test_what_is_held_stays_and_the_same_again_is_the_same(room: Lit, near: Surroundings) -> None:
-    field, as_it_was = room.field, room.field.outgoing_d.copy()
+    field, as_it_was = room.field, room.field.radiance()
     results = []
     for _ in range(2):
         *_, found = stylize_light(field, near, 1.0, 0.1, (0, 2), 8)
         results.append(found)
         field.set_surface(Surface.of(room.elements))
-        field.outgoing_d = as_it_was.copy()
+        field.set_radiance(as_it_was)
     one, two = results
     held = np.isin(room.elements.material, (1, 3))
     for change in one.change_at(np.flatnonzero(held)):

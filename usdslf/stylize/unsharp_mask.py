@@ -27,6 +27,7 @@ from usdslf.edits.edits import FREED
 from usdslf.elements.elements import Elements
 from usdslf.errors import AuthorError, InputError
 from usdslf.light_field.light_field import LightField
+from usdslf.light_field.renewal import renew
 from usdslf.light_field.storage import constants_of
 from usdslf.light_field.surface import Surface
 from usdslf.progress import tell
@@ -95,6 +96,7 @@ class Stylized:
     styles: tuple[MaterialStyle, ...]  # of each material that may change and is seen by light
     rounds: tuple[float, ...]  # residual over the scene after each
     wanted_d: Any = None  # light that was asked for, on the device (N, D, 3); None: the light as it is
+    light: LightField | None = None  # of a state near `after`, which nobody changes any more: what is near starts there
 
     def change_at(self, rows: NDArray) -> tuple[F64, F64, F64]:
         """Returns the changes of diffuse (n, 3), F0 (n, 3) and roughness (n,) at elements."""
@@ -196,7 +198,7 @@ def stylize_light(
 
     A parameter that would change on a small part of a material only stays as it is: the look would say more than
     is seen; so does a material that its change makes no better.  A round that fits worse is not accepted.  The
-    light field is left in the state of the last round.
+    light field is left in the state of the last round, as near as renewal.py says.
 
     Args:
         field: of the shot as it is.
@@ -235,7 +237,7 @@ def stylize_light(
             return
         is_done = kept is not None and kept.rounds[-1] - residual < CONVERGED * kept.rounds[-1]
         styles = tuple(_style(m, field, start, before, misfit) for m in free)
-        kept = Stylized(amount, radius, start, after, styles, rounds, wanted_d)
+        kept = Stylized(amount, radius, start, after, styles, rounds, wanted_d, field)
         yield kept
         if is_done:
             return
@@ -270,10 +272,9 @@ def choose_surface(field: LightField, found: ElementCandidates, scale: F64, may_
 
 
 def _under_new_light(field: LightField, after: Surface, wanted_d: Any, bounces: int) -> F64:
-    """Sends the light round with a reflectance; returns its misfit."""
+    """Lets the light follow a reflectance, where it changes; returns its misfit."""
     field.set_surface(after)
-    for _ in field.converge(bounces):
-        pass
+    renew(field, bounces)
     return take_misfit(field, wanted_d)
 
 
