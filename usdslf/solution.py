@@ -284,11 +284,13 @@ class _Found:
 def _answers(shot: Shot, light: LightField, painted: list[Painted], s: Settings, said: list[str]) -> _Found:
     """The answers, and the residuals of those by phong as UsdPreviewSurface shows them; work on light of their own."""
     with light.lent() as field:
-        return _answers_in(shot, field, painted, s, said)
+        return _answers_in(shot, field, light, painted, s, said)
 
 
-def _answers_in(shot: Shot, field: LightField, painted: list[Painted], s: Settings, said: list[str]) -> _Found:
-    """The same on a light field that changes."""
+def _answers_in(
+    shot: Shot, field: LightField, light: LightField, painted: list[Painted], s: Settings, said: list[str]
+) -> _Found:
+    """The same on a light field that changes; `light` stays."""
     left = list[float]()
     bounces, choose = s.bounces or shot.bounces, dict(s.choose)
     direct: list[Answer] = []
@@ -296,7 +298,7 @@ def _answers_in(shot: Shot, field: LightField, painted: list[Painted], s: Settin
     if any(p.stroke.mode == "direct" for p in painted):
         weights = s.weights or Options()
         asked = shot.scene, field, weights, choose, bounces, s.similarity, said, left, shot.gathered
-        ask = Asking(*asked, s.follows_light)
+        ask = Asking(*asked, s.follows_light, light)
         rounds = infer_changes(painted, ask)
         for number, direct in enumerate(rounds):  # noqa: B007
             tell((number + 1) / MOST_ROUNDS)

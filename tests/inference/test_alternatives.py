@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
 import pytest
 from kit.varying_floor import places, seen, stroke, write_floor
 
 import usdslf
+from usdslf.inference import if_chosen
 from usdslf.inference.alternatives import alternatives_of
 from usdslf.inference.answers import Alternative, Answer, Pool
 from usdslf.inference.candidate import Candidate
+from usdslf.inference.fit import Problem
+from usdslf.solution import find_solution
 
 
 @pytest.fixture(scope="module")
@@ -25,6 +30,28 @@ def solved(shot: usdslf.Shot, choose: str = "") -> dict:
     session.add_stroke(stroke(colors))
     session.solve(choose={session.strokes[0].name: choose} if choose else None)
     return session.report()["strokes"][0]
+
+
+def test_what_alternatives_would_be_is_found_once_and_when_it_is_asked(
+    shot: usdslf.Shot, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found: list[str] = []
+    refit = if_chosen.refit
+
+    def noted(problem: Problem, chosen: Candidate) -> Candidate:
+        found.append(chosen.id)
+        return refit(problem, chosen)
+
+    monkeypatch.setattr(if_chosen, "refit", noted)
+    solution = find_solution(shot, [stroke(np.array(seen(places(), (0.5, 0.2, 0.1))))])
+    (answer,) = solution.answers
+    assert len(solution.left_out) == 1 < len(answer.rounds)  # no light comes back: none is sent for the second fit
+    assert found == [] and set(answer.if_chosen) == {c.id for c in answer.candidates}
+    with ThreadPoolExecutor(4) as pool:
+        means = list(pool.map(lambda _: answer.if_chosen["diffuse"], range(8)))
+    assert found == ["diffuse"] and all(m is means[0] for m in means)
+    np.testing.assert_allclose(means[0]["diffuse"], (0.5, 0.2, 0.1), rtol=0.05)
+    assert answer.if_chosen.get("no such") is None
 
 
 @pytest.mark.parametrize("name", ["diffuse", "specular", "diffuse+specular", "none"])

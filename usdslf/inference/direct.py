@@ -2,7 +2,8 @@
 
 Strokes that say something about the same material in the same scope are asked together.  Then, until the
 painted areas look as painted: new reflectance, new light, the chosen parameters fitted again.  Where the light
-that comes back overshoots, less of the next step is taken.  A round that fits worse is not accepted.
+that comes back overshoots, less of the next step is taken.  A round that fits worse is not accepted; a step whose
+own light strokes would not see is the last.
 
 Source: Nguyen et al. 2013, 5.3 (n-bounce) and Listing 1.
 """
@@ -16,7 +17,7 @@ from typing import TYPE_CHECKING
 from usdslf.errors import SolveError
 from usdslf.inference.answers import Answer, Painted, changed_surface
 from usdslf.inference.doubt import doubtful_radiance
-from usdslf.inference.first_answers import Asking, first_answers
+from usdslf.inference.first_answers import UNSEEN, Asking, first_answers
 from usdslf.inference.pictured import Pictured
 from usdslf.inference.pools import pool_paths, sort_into_pools
 from usdslf.inference.refits import (
@@ -31,6 +32,7 @@ from usdslf.inference.refits import (
 from usdslf.inference.samples import gather_samples
 from usdslf.inference.tools import wanted_radiance
 from usdslf.light_field.light_field import LightField
+from usdslf.light_field.renewal import foreseen
 from usdslf.light_field.surface import Surface
 from usdslf.lights.sources import LightSet
 from usdslf.scene.records import Scene
@@ -42,6 +44,7 @@ if TYPE_CHECKING:
 
 CONVERGED = 0.01  # relative change of the painted residual between rounds
 MOST_ROUNDS = 4  # n_b of the paper
+STANDS = 0.5 * UNSEEN  # of the light that strokes see, that a step may change of which no light is sent round
 
 
 def gather_strokes(
@@ -113,6 +116,14 @@ def _rounds(answers: list[Answer], painted: list[Painted], original: Surface, as
         step, share = relaxed(changes_of_answers(wanted) - at, step, share)
         answers = [with_changes(a, x) for a, x in zip(wanted, at + share * step, strict=True)]
         answers = [while_storable(a, ask.scene) for a in answers]
+        surface = changed_surface(original, field, ask.scene, answers, painted)
+        if foreseen(field, surface, ask.matters(painted)) < STANDS:
+            answers = [after_bounce(a, evidence, painted, field) for a in answers]
+            if mean_residual(answers) <= mean_residual(kept) * 1.02:
+                kept, kept_surface = answers, surface
+                field.set_surface(surface)
+                yield kept
+            break
     if kept_surface is not field.surface:
         _send_round(kept_surface, painted, ask)
 

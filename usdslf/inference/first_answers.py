@@ -14,6 +14,7 @@ from dataclasses import field as dataclass_field
 from functools import partial
 
 import numpy as np
+from numpy.typing import NDArray
 
 from usdslf.edits.storage import storage_of
 from usdslf.edits.whole_set import colored_specular
@@ -25,8 +26,9 @@ from usdslf.inference.candidate import Candidate
 from usdslf.inference.evidence import Evidence
 from usdslf.inference.fit import Problem
 from usdslf.inference.gathered import Found, Gathered, name_of
+from usdslf.inference.if_chosen import IfChosen
 from usdslf.inference.pools import fixed_materials, pool_paths
-from usdslf.inference.refits import is_painted, means_if_chosen, refit_answer
+from usdslf.inference.refits import is_painted, refit_answer
 from usdslf.inference.solve import enumerate_candidates, relative_error
 from usdslf.inference.tools import expected_error
 from usdslf.inference.unchanged import by_own_errors, may_be_unchanged
@@ -56,6 +58,7 @@ class Asking:
     left_out: list[float] = dataclass_field(default_factory=list)  # takes of each round the light that it left out
     kept: Gathered = dataclass_field(default_factory=Gathered)  # what was found before for strokes that have names
     follows_light: bool = True  # False: all is asked in the light as it is, and not what others would give
+    light: LightField | None = None  # as `field` is at first, and stays; None: alternatives are found at once
 
     def evidence(self, painted: Painted) -> Evidence:
         """Returns the evidence of a stroke in the light as it is."""
@@ -63,11 +66,14 @@ class Asking:
             return painted.evidence(self.field)
         return self.kept.once(f"evidence {painted.name}", lambda _: painted.evidence(self.field), self.said)
 
+    def matters(self, painted: list[Painted]) -> NDArray[np.float64]:
+        """Returns how much elements (N,) do to what strokes see."""
+        sees = lambda p: self.kept.once(f"seen {p.name}", lambda _: p.samples.sees(self.field), [])  # noqa: E731
+        return np.asarray(np.sum([sees(p) if p.name else p.samples.sees(self.field) for p in painted], axis=0))
+
     def settle(self, field: LightField, painted: list[Painted]) -> None:
         """Lets light follow a change as far as strokes see it."""
-        sees = lambda p: self.kept.once(f"seen {p.name}", lambda _: p.samples.sees(self.field), [])  # noqa: E731
-        matters = np.sum([sees(p) if p.name else p.samples.sees(self.field) for p in painted], axis=0)
-        found = renew(field, self.bounces, UNSEEN, matters)
+        found = renew(field, self.bounces, UNSEEN, self.matters(painted))
         if field is self.field:
             self.left_out.append(found.left)
 
@@ -128,7 +134,8 @@ def _weighed(answer: Answer, evidence: list[Evidence], painted: list[Painted], a
         a = _or_nothing(answer, painted, own)
         if a.pool.is_held:
             return a
-        return replace(a, if_chosen=means_if_chosen(a, evidence, painted, own.field, own.options))
+        found = IfChosen.of(a, evidence, painted, own.light or own.field, own.options)
+        return replace(a, if_chosen=found if own.light else dict(found))
 
     return replace(ask.of_pool("weighed answer", answer.pool, painted, find), pool=answer.pool)
 

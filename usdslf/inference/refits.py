@@ -1,7 +1,6 @@
 """Refits: an answer fitted again under the light of now, and how it looks once its light went round.
 
     refit_answer(answer, evidence, painted, field, options) -> Answer
-    means_if_chosen(answer, evidence, painted, field, options) -> what each candidate gives if it is chosen
     after_bounce(answer, evidence, painted, field) -> Answer with its residual
     with_changes(answer, change) -> Answer, for steps between rounds: changes_of_answers, relaxed, while_storable
 
@@ -32,7 +31,6 @@ from usdslf.scene.records import Scene
 from usdslf.surfaces.reflectance import gloss_levels, moved_roughness
 
 FINE_LEVELS = 9  # between the neighbours of the chosen level
-UNLIKELY = 12.0  # cost above the best at which one in 400 would mean it
 
 
 def refit_answer(
@@ -73,30 +71,6 @@ def refit_tables(tables: Tables, chosen: Candidate, options: Options, painted: b
     return refit_as_painted(tables, options, chosen) if painted else chosen
 
 
-def means_if_chosen(
-    answer: Answer, evidence: list[Evidence], painted: list[Painted], field: LightField, options: Options
-) -> dict[str, dict[str, NDArray]]:
-    """Returns what each candidate of an answer gives if it is chosen: means as in Answer.after, by its id.
-
-    That is in the light of now, before a change goes round.  Glossiness is fitted on finer levels where its candidate
-    costs little more than the chosen one.
-    """
-    mine = [evidence[i] for i in answer.pool.strokes]
-    tables = pool_tables(mine, answer.pool.material, field.model)
-    problem, found = refit_problem(tables, options), {}
-    for c in answer.candidates:
-        if "glossiness" in c.freed and c.cost - answer.chosen.cost < UNLIKELY:
-            as_chosen = replace(answer, chosen=c, varying=None)
-            found[c.id] = refit_answer(as_chosen, evidence, painted, field, options).after
-            continue
-        level = c.level if "glossiness" in c.freed else tables.own
-        fitted = refit(problem, replace(c, level=level)) if c.freed else c
-        if "glossiness" not in c.freed and is_painted(mine):
-            fitted = refit_as_painted(tables, options, fitted)
-        found[c.id] = means_of(tables, fitted)[1]
-    return found
-
-
 def is_painted(evidence: list[Evidence]) -> bool:
     """Whether all strokes are painted colours; what the other tools ask for has no errors of a painter."""
     return all(e.stroke.tool == "replace" for e in evidence)
@@ -109,7 +83,7 @@ def finer(e: Evidence, samples: Samples, field: LightField, chosen: Candidate) -
     step = np.interp(own.mean() + chosen.roughness_shift, steps, np.gradient(steps))
     shift = chosen.roughness_shift + np.linspace(-step, step, FINE_LEVELS)
     levels = np.concatenate([moved_roughness(own[:, None], shift, chosen.roughness_mean), own[:, None]], 1)
-    columns = single_columns(samples, field, levels)
+    columns = single_columns(samples, field, levels, arriving=e.arriving)
     pad = np.repeat(e.background[:, -1:], levels.shape[1], 1)
     return replace(e, levels=levels, columns=columns, background=pad)
 
@@ -135,7 +109,8 @@ def _at_shift(e: Evidence, samples: Samples, field: LightField, chosen: Candidat
     own = e.levels[:, -1]
     levels = np.stack([moved_roughness(own, chosen.roughness_shift, chosen.roughness_mean), own], 1)
     pad = np.repeat(e.background[:, -1:], 2, 1)
-    return replace(e, levels=levels, columns=single_columns(samples, field, levels), background=pad)
+    columns = single_columns(samples, field, levels, arriving=e.arriving)
+    return replace(e, levels=levels, columns=columns, background=pad)
 
 
 def changes_of_answers(answers: list[Answer]) -> NDArray[np.float64]:
