@@ -24,8 +24,25 @@ STEPS = 8  # sizes between one power of two and the next that memory is given in
 _Piece = tuple[int, mmap.mmap, Any]
 """Bytes, the host's memory, the device's buffer."""
 
-_Spare = tuple[_Piece, Any]
-"""A piece, and the event after which no kernel works in it."""
+
+class _Spare:
+    """A piece that kernels may still work in: until none does its memory stays, whoever lets it go."""
+
+    def __init__(self, piece: _Piece, done: Any) -> None:
+        """Keeps a piece.
+
+        Args:
+            done: the event after which no kernel works in it.
+        """
+        self.size, self._piece, self._done = piece[0], piece, done
+
+    def taken(self) -> _Piece:
+        """Returns the piece, when nothing works in it any more."""
+        self._done.wait()
+        return self._piece
+
+    def __del__(self) -> None:
+        self._done.wait()
 
 
 class Shared:
@@ -96,27 +113,25 @@ def _give_back(queue: Any, spare: deque[_Spare], piece: _Piece) -> None:
     """
     done = cl.enqueue_marker(queue)
     queue.flush()
-    spare.append((piece, done))
+    spare.append(_Spare(piece, done))
 
 
 def _take(spare: deque[_Spare], room: int) -> _Piece | None:
     """Takes a piece of a size that nothing works in any more; None: there is none."""
     for found in tuple(spare):
-        if found[0][0] == room:
+        if found.size == room:
             try:
                 spare.remove(found)
             except ValueError:  # another thread has taken it
                 continue
-            found[1].wait()
-            return found[0]
+            return found.taken()
     return None
 
 
 def _trim(spare: deque[_Spare]) -> None:
     """Lets the oldest memory go that is too much."""
-    while sum(piece[0] for piece, _ in tuple(spare)) > SPARE_BYTES:
+    while sum(found.size for found in tuple(spare)) > SPARE_BYTES:
         try:
-            _, done = spare.popleft()
+            spare.popleft()
         except IndexError:
             return
-        done.wait()
