@@ -180,13 +180,13 @@ def test_a_part_of_many_places_stands_for_all(room: Lit, near: Surroundings) -> 
 def _stylized(room: Lit, near: Surroundings, amount: float) -> tuple[Stylized, np.ndarray]:
     """What becomes of the room, and its light then; the room is left as it was."""
     field = room.field
-    as_it_was = field.outgoing_d.copy()
+    as_it_was = field.radiance()
     try:
         *_, found = stylize_light(field, near, amount, 0.1, (0, 1, 2, 3), 8)
         return found, field.device.download(field.outgoing_d)
     finally:
         field.set_surface(Surface.of(room.elements))
-        field.outgoing_d = as_it_was
+        field.set_radiance(as_it_was)
 
 
 def _contrast(room: Lit, near: Surroundings, light: np.ndarray) -> float:

@@ -98,8 +98,7 @@ def errors_of_rounds(play: PlayLike, step: Step) -> tuple[list[float], list[floa
     On the page also the look after the first iteration.
     """
     session = step.before
-    field, start = session.light_field, session.light_field.surface
-    as_it_was_d = field.outgoing_d.copy()
+    field = session.light_field.with_surface(session.light_field.surface)  # the shot's stays as it is
     painted = gather_strokes(session.strokes, session.scene, session.tracer, field, session.light_set, [])
     error, bias = [], []
     last: list[Answer] | None = None
@@ -120,8 +119,6 @@ def errors_of_rounds(play: PlayLike, step: Step) -> tuple[list[float], list[floa
             session.author(step.folder / "look_first.usda", review_root=step.folder / "review_first.usda")
             session.solution, session.look = solution, look
             play.look_at(session.reopened(str(step.folder / "review_first.usda")), "first", "after one iteration")
-    field.set_surface(start)
-    field.outgoing_d = as_it_was_d
     return error, bias
 
 
