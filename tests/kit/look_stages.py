@@ -102,12 +102,17 @@ def new_instances(folder: Path) -> Usd.Stage:
     nested.SetInstanceable(True)
     asset.GetRootLayer().Save()
     stage = new_stage(folder / "shot.usda")
+    add_two_instances(stage, "/asset")
+    return stage
+
+
+def add_two_instances(stage: Usd.Stage, root: str = "") -> None:
+    """Adds /World/a and /World/b, instances of `root` ("": the default prim) of asset.usda beside it, and saves."""
     for name in ("a", "b"):
         prim = stage.DefinePrim(f"/World/{name}", "Xform")
-        prim.GetReferences().AddReference("./asset.usda", "/asset")
+        prim.GetReferences().AddReference("./asset.usda", root or Sdf.Path.emptyPath)
         prim.SetInstanceable(True)
     stage.GetRootLayer().Save()
-    return stage
 
 
 def image_file() -> str:

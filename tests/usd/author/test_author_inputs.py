@@ -13,6 +13,7 @@ from kit.look_stages import (
     F,
     add_material,
     add_quads,
+    add_two_instances,
     as_reflectance,
     author,
     bind,
@@ -153,11 +154,7 @@ def test_a_channel_is_split_inside_an_instance_too(tmp_path: Path) -> None:
     asset = new_stage(tmp_path / "asset.usda")
     textured(asset, {"roughness": "r", "metallic": "r"}, scale=(0.5, 1, 1, 1))
     stage = new_stage(tmp_path / "shot.usda")
-    for name in "ab":
-        prim = stage.DefinePrim(f"/World/{name}", "Xform")
-        prim.GetReferences().AddReference("./asset.usda")
-        prim.SetInstanceable(True)
-    stage.GetRootLayer().Save()
+    add_two_instances(stage)
     change = texture_change(0.5, 0.25, "r", "roughness")
     material = replace(change.material, path="/World/a/mtl/tex")
     (edit,) = author(stage, tmp_path, replace(change, material=material, targets=("/World/a/ball",)))

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from kit.look_stages import F, add_material, author, bind, change_of, compose, new_shot, new_stage
+from kit.look_stages import F, add_material, add_two_instances, author, bind, change_of, compose, new_shot, new_stage
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade, UsdValidation
 
 from usdslf.strokes.stroke import Stroke
@@ -194,11 +194,7 @@ def instanced(folder: Path) -> Usd.Stage:
          add_material(asset, "/World/mtl/red", diffuseColor=Gf.Vec3f(0.6, 0.2, 0.1)))  # fmt: skip
     asset.GetRootLayer().Save()
     stage = new_stage(folder / "shot.usda")
-    for name in "ab":
-        prim = stage.DefinePrim(f"/World/{name}", "Xform")
-        prim.GetReferences().AddReference("./asset.usda")
-        prim.SetInstanceable(True)
-    stage.GetRootLayer().Save()
+    add_two_instances(stage)
     return stage
 
 
