@@ -1,18 +1,14 @@
 """Image files: opened, read in bands, laid out in tiles, by OpenImageIO.
 
-Files inside .usdz packages and tiled copies of large files lie in one folder of temporary files, which
-goes when the process ends (in $TMPDIR; a killed process leaves it).
+Files inside .usdz packages and tiled copies of large files lie in this process's folder of temporary files.
 """
 
 from __future__ import annotations
 
-import atexit
 import io
 import os
 import re
-import shutil
 import tempfile
-import threading
 import zipfile
 import zlib
 from collections.abc import Iterator
@@ -22,6 +18,8 @@ from pathlib import Path
 import numpy as np
 import OpenImageIO as oiio
 from numpy.typing import NDArray
+
+from usdslf.textures.temporary_files import folder
 
 TILE = 64  # texels; side of the tiles that are read at a time
 _MAX_TILE = 512  # larger tiles of a file are as costly as none
@@ -176,26 +174,6 @@ def write_tiled_copy(image: oiio.ImageInput, channels: tuple[int, ...]) -> tuple
         Path(target).unlink(missing_ok=True)
         return "", 0
     return target, os.path.getsize(target)
-
-
-# ---- temporary files -------------------------------------------------------------------------
-_lock = threading.Lock()
-_folders: dict[int, str] = {}  # by process, since a fork must not remove its parent's
-
-
-def folder() -> str:
-    """Returns the folder of this process's temporary files."""
-    with _lock:
-        if os.getpid() not in _folders:
-            _folders[os.getpid()] = tempfile.mkdtemp(prefix="usdslf_")
-        return _folders[os.getpid()]
-
-
-@atexit.register
-def _remove_folder() -> None:
-    path = _folders.pop(os.getpid(), "")
-    if path:
-        shutil.rmtree(path, ignore_errors=True)
 
 
 @lru_cache(maxsize=256)
