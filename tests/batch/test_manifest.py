@@ -9,6 +9,7 @@ from pathlib import Path
 import jsonschema
 import pytest
 
+from usdslf.batch import plan, write_template
 from usdslf.batch.manifest import key_lines, read_manifest, schema
 from usdslf.errors import InputError
 
@@ -85,3 +86,36 @@ def test_what_is_no_text_or_not_there_is_said(tmp_path: Path) -> None:
         read_manifest(tmp_path / "batch.toml")
     with pytest.raises(InputError, match="there is no manifest"):
         read_manifest(tmp_path / "none.toml")
+
+
+def test_values_in_python_are_a_manifest_relative_to_the_current_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for name in ("a", "b"):
+        (tmp_path / f"{name}.usda").write_text("#usda 1.0\n")
+    values = {"output": "out", "limits": {"seconds": 9}, "jobs": ({"shots": [Path("?.usda")], "look": "look.usda"},)}
+    found = plan(values)
+    written = plan(
+        write(tmp_path, 'output = "out"\n[limits]\nseconds = 9\n[[jobs]]\nshots = ["?.usda"]\nlook = "look.usda"\n')
+    )
+    assert found.jobs == written.jobs and (found.output, found.limits) == (written.output, written.limits)
+    assert [j.shot for j in found.jobs] == [str(tmp_path / "a.usda"), str(tmp_path / "b.usda")]
+    with pytest.raises(InputError, match="no file of one"):
+        write_template(found, tmp_path / "farm.yaml")
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        ({"jobs": []}, "^manifest: jobs = \\[\\] has fewer than 1 items$"),
+        (
+            {"jobs": [{"shots": ["a.usda"], "strokes": ["s.usda"], "speed": 1}]},
+            "^manifest: there is no key 'speed' in jobs",
+        ),
+        ({"jobs": [{"shots": {1, 2}}]}, "^manifest: .*set.*; give texts, numbers, lists and tables$"),
+    ],
+)
+def test_wrong_values_in_python_are_named_without_a_line(values: dict[str, object], words: str) -> None:
+    with pytest.raises(InputError, match=words):
+        read_manifest(values)

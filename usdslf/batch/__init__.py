@@ -2,7 +2,7 @@
 
 Public names:
 
-    plan             the jobs of a manifest, and which of them are finished -> Plan
+    plan             the jobs of a manifest, a file or values, and which of them are finished -> Plan
     run_batch        runs what is not, each job in a process of its own -> Summary
     run_job          one job, in this process: for a scheduler of one's own -> Result
     collect          what came of all jobs, written as JSON, CSV, HTML and JUnit XML -> Summary

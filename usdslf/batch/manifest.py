@@ -1,6 +1,6 @@
-"""Manifest: the TOML file that says which shots, stroke layers and options a batch has.
+"""Manifest: which shots, stroke layers and options a batch has, as a TOML file or the same values in Python.
 
-    read_manifest(path) -> Manifest        checked by schemas/batch.schema.json; errors name their line
+    read_manifest(path or values) -> Manifest        checked by schemas/batch.schema.json; errors name their line
 
 The schema is JSON Schema (draft 2020-12), so that editors check a manifest while it is written.
 """
@@ -22,6 +22,7 @@ from usdslf.replacing import is_file
 from usdslf.usd.schema import PLACES
 
 NAME = "batch.schema.json"
+IN_PYTHON = "manifest"  # stands for the name of a file where there is none
 Key = tuple[str | int, ...]
 
 
@@ -30,9 +31,9 @@ class Manifest:
     """A manifest as it was read.
 
     Attributes:
-        path: absolute, of its file.
+        path: absolute, of its file; of values in Python a name in the current folder, where there need not be a file.
         values: as schemas/batch.schema.json has them.
-        lines: line of each key, by its place in `values`.
+        lines: line of each key, by its place in `values`; none of values in Python.
     """
 
     path: Path
@@ -45,17 +46,43 @@ class Manifest:
         return self.path.parent
 
     def error(self, key: Key, sentence: str) -> InputError:
-        """Returns an error about a key, which names its line."""
-        return InputError(f"{self.path.name}, line {line_of(key, self.lines)}: {sentence}")
+        """Returns an error about a key, which names its line where there is one."""
+        line = f", line {line_of(key, self.lines)}" if self.lines else ""
+        return InputError(f"{self.path.name}{line}: {sentence}")
 
 
-def read_manifest(path: str | os.PathLike[str]) -> Manifest:
+def read_manifest(manifest: str | os.PathLike[str] | Mapping[str, Any]) -> Manifest:
     """Reads a manifest and checks it by the schema.
+
+    Args:
+        manifest: a file, or what it would hold; paths are relative to its folder, or to the current one.
 
     Raises: InputError, with the line, for what is no TOML or not as the schema says.
     """
     import jsonschema
 
+    if isinstance(manifest, Mapping):
+        found = _of_values(manifest)
+    else:
+        found = _read_file(manifest)
+    errors = sorted(
+        jsonschema.Draft202012Validator(schema()).iter_errors(found.values), key=lambda e: list(map(str, e.path))
+    )
+    for error in errors:
+        raise found.error(*_in_words(error))
+    return found
+
+
+def _of_values(values: Mapping[str, Any]) -> Manifest:
+    """A manifest of values in Python; tuples and paths serve as lists and texts do."""
+    try:
+        plain = json.loads(json.dumps(dict(values), default=os.fspath))
+    except (TypeError, ValueError) as failed:
+        raise InputError(f"{IN_PYTHON}: {failed}; give texts, numbers, lists and tables") from None
+    return Manifest(Path(os.path.abspath(IN_PYTHON)), plain, {})
+
+
+def _read_file(path: str | os.PathLike[str]) -> Manifest:
     file = Path(os.path.abspath(path))
     if not is_file(file):
         raise InputError(f"there is no manifest {path}; write one, README.md shows how")
@@ -72,11 +99,7 @@ def read_manifest(path: str | os.PathLike[str]) -> Manifest:
         line = at[1] if at else f"line {text.count(chr(10)) + 1}"  # at the end of the document
         words = re.sub(r" \(at .*\)$", "", said)
         raise InputError(f"{file.name}, {line}: {words[0].lower()}{words[1:]}; it is no TOML there") from None
-    found = Manifest(file, values, key_lines(text))
-    errors = sorted(jsonschema.Draft202012Validator(schema()).iter_errors(values), key=lambda e: list(map(str, e.path)))
-    for error in errors:
-        raise found.error(*_in_words(error))
-    return found
+    return Manifest(file, values, key_lines(text))
 
 
 @cache

@@ -46,6 +46,8 @@ def write_template(found: Plan, path: str | os.PathLike[str]) -> str:
     target = Path(path)
     if target.suffix.lower() not in (".yaml", ".yml", ".json"):
         raise InputError(f"{target} is no template; end its name in .yaml or .json")
+    if not os.path.isfile(found.manifest):
+        raise InputError("tasks on other machines read a manifest, and this plan has no file of one; write one as TOML")
     check_place(target)
     files = read_together(reads_of(job) for job in found.jobs).files
     inputs = sorted({found.manifest, *(f for f in files if os.path.isfile(f))})

@@ -32,7 +32,7 @@ class Plan:
     """What a manifest asks for.
 
     Attributes:
-        manifest: absolute path of its file.
+        manifest: absolute path of its file; of values in Python a name in the folder that their paths are relative to.
         output: absolute path of the folder of all results.
         jobs: in the order of the manifest, what a job needs before it.
         why: name of each job -> why it has to be run, in words; "" where its result stands.
@@ -62,13 +62,13 @@ class Plan:
 
 
 def plan(
-    manifest: str | os.PathLike[str], output: str | os.PathLike[str] | None = None, workers: int = 0,
-    prefer_robust: bool = False,
+    manifest: str | os.PathLike[str] | Mapping[str, Any], output: str | os.PathLike[str] | None = None,
+    workers: int = 0, prefer_robust: bool = False,
 ) -> Plan:  # fmt: skip
     """Reads a manifest and says what has to be run.
 
     Args:
-        manifest: file.
+        manifest: a file, or what it would hold, with paths relative to the current folder.
         output: folder of all results; None: as the manifest says.
         workers: jobs at a time; 0: as the manifest says, else one a processor, as memory allows.
         prefer_robust: at near ties what holds elsewhere is taken, whatever the manifest says.
