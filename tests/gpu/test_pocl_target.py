@@ -44,9 +44,10 @@ def test_an_unknown_processor_gets_the_name_of_the_library_that_fits(able: set[s
     assert ctypes.string_at(record[2]) == named.encode()
 
 
-def test_wide_vectors_need_a_processor_that_has_them() -> None:
-    """A Zen 4 that goes by the name of Zen 3 gets the library of AVX-512, and so a name that has it."""
-    record = record_of(b"x86_64-unknown-linux-gnu", b"znver3")
+@pytest.mark.parametrize("name", [b"znver3", b"icelake-client", b"rocketlake", b"cannonlake"])
+def test_wide_vectors_need_a_processor_that_has_them(name: bytes) -> None:
+    """A Zen 4 that goes by the name of Zen 3 gets the library of AVX-512, and so a name that has all of it."""
+    record = record_of(b"x86_64-unknown-linux-gnu", name)
     able = {"avx512f", "avx512bw", "avx512cd", "avx512dq", "avx512vl", "avx2"}
     assert name_processor(ctypes.addressof(record), able) == "skylake-avx512"
     assert ctypes.string_at(record[1]) == b"skylake-avx512"

@@ -1,10 +1,13 @@
 """Gives PoCL a processor that its compiler knows, where it knows none.
 
-PoCL 3.0 asks its LLVM for the processor's name.  A processor that is younger than that LLVM comes out as
-"generic" (AMD's Zen 5, family 26, does), which LLVM's front end refuses, so that no kernel builds; or as its
-elder (Zen 4 as "znver3"), which lacks the AVX-512 of the library that PoCL takes for it, so that LLVM dies while it
-builds.  PoCL has no option for it: the name is a pointer in the device's record, and is replaced there, before the
-first context, by the processor that PoCL's own library of built-in functions was compiled for.
+PoCL 3.0 asks its LLVM for the processor's name. A processor that is younger than that LLVM comes out as "generic"
+(AMD's Zen 5, family 26, does), which LLVM's front end refuses, so that no kernel builds; or as its elder (Zen 4 as
+"znver3"), which lacks the AVX-512 of the library that PoCL takes for it, so that LLVM dies while it builds; or as a
+relative (Emerald Rapids as "icelake-client") that lacks a small thing which the library's processor has: then LLVM
+puts no function of the library into a kernel, each `sqrt`, `max` and `vload3` is a call, no loop becomes vectors,
+and kernels take up to twice as long. PoCL has no option for it: the name is a pointer in the device's record, and
+is replaced there, before the first context, by the processor that PoCL's own library of built-in functions was
+compiled for.
 
 Source: PoCL 3.0, lib/CL/pocl_llvm_utils.cc (kernellib_feature_map).
 """
@@ -17,7 +20,8 @@ import platform
 from pathlib import Path
 
 UNKNOWN = b"generic\0"
-NARROW = b"znver3\0"  # a name that is too small for a processor that is able to do all of the first of KNOWN
+NARROW = (b"znver3\0", b"icelake-client\0", b"rocketlake\0", b"cannonlake\0")
+"""Names that are too small for a processor that is able to do all of the first of KNOWN."""
 RECORD = 2048  # bytes of PoCL's device record that are looked at
 # The processor of each variant of PoCL's library, most able first, and what PoCL asks of the host for it.
 KNOWN = (
@@ -44,10 +48,10 @@ def name_processor(record: int, abilities: set[str] | None = None) -> str:
         return _names[record].value.decode()
     able = _abilities() if abilities is None else abilities
     name = next((known for known, needed in KNOWN if needed <= able), "x86-64")
-    wrong = (UNKNOWN, NARROW) if name == KNOWN[0][0] else (UNKNOWN,)
+    wrong = (UNKNOWN, *NARROW) if name == KNOWN[0][0] else (UNKNOWN,)
     with open("/proc/self/mem", "rb", buffering=0) as memory:  # reads of what is no address fail, and do no harm
         for at in range(record, record + RECORD, ctypes.sizeof(ctypes.c_void_p)):
-            found = _read(memory.fileno(), _pointer(memory.fileno(), at), len(UNKNOWN))
+            found = _read(memory.fileno(), _pointer(memory.fileno(), at), max(map(len, wrong)))
             if any(found.startswith(w) for w in wrong):
                 _names[record] = ctypes.create_string_buffer(name.encode())
                 ctypes.c_void_p.from_address(at).value = ctypes.addressof(_names[record])
