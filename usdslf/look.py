@@ -34,7 +34,7 @@ from usdslf.progress import step, tell, tell_during
 from usdslf.provenance import program_version, said_of_solve, words_of_phong, words_of_solve
 from usdslf.render.live.picture import LivePicture
 from usdslf.render.picture import LitScene, PictureOptions, render_bands
-from usdslf.scene.difference import look_alike
+from usdslf.scene.difference import MaterialsSeen, look_alike, materials_seen
 from usdslf.scene.records import Camera, Scene
 from usdslf.shot import Shot
 from usdslf.solution import Solution
@@ -71,6 +71,7 @@ class Look:
         warnings: sentences.
         seconds: by step.
         rebase: what became of the look that stood there before; None: there was none.
+        read: the materials as the look was read back; None: it was not.
     """
 
     path: str
@@ -82,6 +83,7 @@ class Look:
     warnings: tuple[str, ...] = ()
     seconds: Mapping[str, float] = field(default_factory=dict)
     rebase: Rebase | None = None
+    read: MaterialsSeen | None = field(default=None, repr=False)
 
     def over(self, shot: Shot, shown: Shot | None = None) -> Shot:
         """Returns a shot with the look over it, whose light follows; see `Shot.sharing`.
@@ -93,10 +95,11 @@ class Look:
 
         Raises: InputError where the look cannot be read.
         """
+        there = materials_seen(shown.scene) if shown is not None else None
+        if shown is not None and self.read is not None and look_alike(self.read, there):
+            return shown
         edited = shot.edited(self.path, follows=True)
-        scenes = [s.scene for s in (edited, shown) if s]
-        of = [(s.materials, s.triangles.material) for s in scenes]
-        return shown if shown is not None and look_alike(*of) else edited
+        return shown if shown is not None and look_alike(materials_seen(edited.scene), there) else edited
 
 
 def author(
@@ -133,7 +136,7 @@ def author(
     with whole_or_as_before(path, review_root) as kept:
         look = _author(target, solution, review_root, said, seconds)
         still = silence_again(path, earlier) if earlier else ()
-        look = replace(look, warnings=(*look.warnings, *still))
+        look = replace(look, warnings=(*look.warnings, *still), read=None if still else look.read)
     if earlier:
         strokes = [s for s in solution.strokes if s.has_anchors and locate_stroke(shot.scene, s).moved]
         moved, there = [s.path for s in strokes], [s.path for s in solution.strokes]
@@ -148,9 +151,8 @@ def _author(
     shot, path = target.shot, target.path
     while True:
         found, not_shown = _write(target, solution, review_root, said, seconds)
-        edits = found.edits
         _say(said, *not_shown)
-        solution, as_written = _read_back(shot, solution, path, edits, said, seconds)
+        solution, as_written = _read_back(target, solution, found, said, seconds)
         worse = [s for s in solution.stylized.styles if s.is_worse_as_written] if solution.stylized else []
         if not worse or solution.stylized is None:
             break
@@ -165,12 +167,11 @@ def _author(
     with step("author", seconds):
         scene, reading = shot.scene, Reading(shot.frame, shot.refine, shot.ocio)
         beside = lambda: look_collateral(shot.source, scene, path, reading, found.under)  # noqa: E731
-        collateral = tell_during(beside) if edits else []
+        collateral = tell_during(beside) if found.edits else []
     _say(said, *(c.in_words() for c in collateral if c.is_finding))
-    return Look(
-        os.fspath(path), tuple(edits), solution, MappingProxyType(as_written), tuple(not_shown), tuple(collateral),
-        tuple(said), MappingProxyType(seconds),
-    )  # fmt: skip
+    own = os.fspath(path), tuple(found.edits), solution, MappingProxyType(as_written), tuple(not_shown)
+    read = materials_seen(found.under) if found.under else None
+    return Look(*own, tuple(collateral), tuple(said), MappingProxyType(seconds), read=read)
 
 
 def render_shot(
@@ -362,15 +363,16 @@ def _with_textures(
 
 
 def _read_back(
-    shot: Shot, solution: Solution, look: PathLike, edits: list[AuthoredEdit], said: list[str],
-    seconds: dict[str, float],
-) -> tuple[Solution, dict[Pool, float]]:  # fmt: skip
+    target: _Target, solution: Solution, found: _Try, said: list[str], seconds: dict[str, float]
+) -> tuple[Solution, dict[Pool, float]]:
     """Looks at what a look shows where textures or points hold a change: they do only so well."""
-    has_texture = any(e.representation == "texture" for e in edits)
+    shot = target.shot
+    has_texture = any(e.representation == "texture" for e in found.edits)
     varying = [a for a in solution.answers if a.varying or (has_texture and a.chosen.freed and not a.others)]
     if not (varying or solution.stylized):
         return solution, {}
-    scene = shot.reopened(stage_under(shot.source, look)).scene
+    scene = found.under if not shot.made else None
+    scene = scene or shot.reopened(stage_under(shot.source, target.path)).scene
     if len(scene.triangles.mesh) != len(shot.scene.triangles.mesh):
         return solution, {}
     as_written: dict[Pool, float] = {}
