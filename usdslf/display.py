@@ -53,6 +53,7 @@ FALSE_COLORS: tuple[tuple[float, tuple[int, int, int], str], ...] = (
     (6.0, (220, 20, 20), "6 stops above and more"),
 )
 """From how many stops about middle grey on, sRGB code values, and what that means: of `false_color`."""
+MOST_GAMMAS = 16  # whose tables are kept
 NOT_A_NUMBER = (255, 0, 255)  # sRGB code values of what is not finite, in false colour
 
 
@@ -200,8 +201,21 @@ class DisplayPass:
             steps.appendTransform(ocio.ExponentTransform([power, power, power, 1.0]))
         return ocio.Config.CreateRaw().getProcessor(steps)
 
+    @cached_property
+    def _views(self) -> dict[float, Callable[[F32, U8], None]]:
+        """By gamma: OpenColorIO takes 6 ms to get a table ready, as long as for a small picture."""
+        return {}
+
     def _viewed(self, gamma: float) -> Callable[[F32, U8], None]:
         """What brings strips of pixels through the view and gamma to code values."""
+        view = self._views.get(gamma)
+        if view is None:
+            if len(self._views) >= MOST_GAMMAS:
+                self._views.clear()
+            view = self._views[gamma] = self._made_view(gamma)
+        return view
+
+    def _made_view(self, gamma: float) -> Callable[[F32, U8], None]:
         run = self._processor(gamma).getOptimizedCPUProcessor(
             ocio.BIT_DEPTH_F32, ocio.BIT_DEPTH_UINT8, ocio.OPTIMIZATION_LOSSLESS
         )

@@ -332,8 +332,9 @@ class Scene:
     @cached_property
     def bounds(self) -> tuple[F64, F64]:
         """Lower and upper corner (3,), (3,) of all triangles [stage units]."""
-        p = self.triangles.positions.reshape(-1, 3).astype(np.float64)
-        return (p.min(0), p.max(0)) if len(p) else (np.zeros(3), np.zeros(3))
+        p = self.triangles.positions.reshape(-1, 3)
+        ends = (p.min(0), p.max(0)) if len(p) else (np.zeros(3), np.zeros(3))
+        return ends[0].astype(np.float64), ends[1].astype(np.float64)
 
     @property
     def diagonal(self) -> float:
