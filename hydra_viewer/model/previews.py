@@ -8,13 +8,15 @@ from __future__ import annotations
 
 import tempfile
 from collections.abc import Collection, Generator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from hydra_viewer.model.brush_color import shot_color
+from hydra_viewer.model.display import DisplaySettings, display_codes
 from hydra_viewer.model.found import Found
 from hydra_viewer.model.understanding import OF_MATERIAL, Understood
 from usdslf import (
@@ -48,11 +50,13 @@ class Sight:
         camera: relative to `Scene.origin`.
         aspect: width / height of the picture.
         size: of a preview, width and height [pixels].
+        display: how the screen shows them.
     """
 
     camera: Camera
     aspect: float
     size: tuple[int, int] = (168, 112)
+    display: DisplaySettings = field(default_factory=DisplaySettings)
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,12 +68,15 @@ class Preview:
         id: of the alternative.
         picture: (h, w, 3) scene-linear; None: it cannot be chosen.
         why_not: a sentence where it cannot be.
+        codes: (h, w, 3) the picture as the screen shows it by `display`; None where there is no picture.
     """
 
     group: int
     id: str
     picture: NDArray | None
     why_not: str = ""
+    codes: NDArray[np.uint8] | None = None
+    display: DisplaySettings | None = None
 
 
 @dataclass(frozen=True)
@@ -151,7 +158,9 @@ def previewing(
                 if isinstance(materials, str):
                     yield Preview(number, alternative.id, None, materials)
                     continue
-                yield from _picture(near, materials, number, alternative.id)
+                picture = yield from _picture(near, materials)
+                codes = display_codes(picture, sight.display, shot_color(shot))
+                yield Preview(number, alternative.id, picture, "", codes, sight.display)
     yield from _effects(base, shot, found, groups)
 
 
@@ -197,13 +206,11 @@ def _materials(
         return str(error)
 
 
-def _picture(
-    near: LivePicture, materials: Materials, group: int, id_: str
-) -> Generator[Progress | Preview, None, None]:  # fmt: skip
+def _picture(near: LivePicture, materials: Materials) -> Generator[Progress, None, NDArray]:
     live = yield from stepwise(lambda: near.with_materials(materials))
     for _ in range(FRAMES):
         yield from stepwise(lambda: live.gather_frame(FRAMES))
-    yield Preview(group, id_, np.array(live.now(FRAMES).picture))
+    return np.array(live.now(FRAMES).picture)
 
 
 def _effects(

@@ -21,6 +21,8 @@ from typing import Any
 import numpy as np
 
 from hydra_viewer.model.autosave import Recovered, recovered
+from hydra_viewer.model.brush_color import shot_color, shown_colors
+from hydra_viewer.model.display import DisplaySettings
 from hydra_viewer.model.document import Files, Strokes, are_same
 from hydra_viewer.model.found import Found
 from hydra_viewer.model.prim_tree import PrimTree
@@ -144,7 +146,8 @@ def reopening(
 
 def make_ready(shot: Shot) -> None:
     """Makes what pictures of a shot, and painting on it, need."""
-    _ = shot.scene, shot.tracer, shot.light_field, shot.light_set, shot.camera()
+    _ = shot.scene.bounds, shot.tracer, shot.light_field, shot.light_set, shot.camera()
+    shown_colors([COLOR], DisplaySettings(), shot_color(shot))  # the first colour takes long
 
 
 def warming(shot: Shot) -> Generator[Progress, None, None]:
@@ -169,16 +172,20 @@ def _dab_of(shot: Shot) -> Stroke | None:
     return None
 
 
-def finding(shot: Shot, strokes: Strokes, folder: Path) -> Generator[Progress | Found, None, Found | None]:
+def finding(
+    shot: Shot, strokes: Strokes, folder: Path, is_look_first: bool = True
+) -> Generator[Progress | Found, None, Found | None]:  # fmt: skip
     """Finds what strokes ask for; yields each Found that tells or shows more than the one before.
 
     First comes what direct strokes ask for in the light as it is, which is soon there; then the shot under it, as far
-    as that needs no look; then the same with the light that goes round followed; then the look; then its light.
+    as that needs no look; then the same with the light that goes round followed; then the look and its light.
 
     Args:
         shot: that they are on.
         strokes: the active ones; none: returns None.
         folder: for looks that are only looked at.
+        is_look_first: the look comes before its light, for a picture that is of the look; else behind it, where the
+            light can do without.
 
     Raises, when it is run: StrokeError, SolveError, AuthorError.
     """
@@ -189,11 +196,22 @@ def finding(shot: Shot, strokes: Strokes, folder: Path) -> Generator[Progress | 
         yield from _shown_at_once(shot, Found(strokes, first, is_first=True))
     solution = yield from solve(shot, strokes)
     found = yield from _shown_at_once(shot, Found(strokes, solution))
+    if found.shot is not None and not is_look_first:
+        found = yield from stepwise(lambda: _lit(found))
+        yield found
     path = folder / f"look_{next(_numbers)}.usda"
     shown = yield from stepwise(lambda: _with_look(shot, found, path))
+    if shown.is_lit:
+        return shown
     yield shown
-    yield from stepwise(lambda: shown.shot.light_field if shown.shot else None)
-    return replace(shown, is_lit=True)
+    return (yield from stepwise(lambda: _lit(shown)))
+
+
+def _lit(found: Found) -> Found:
+    """Lets the light of the shot under what was found follow."""
+    assert found.shot is not None
+    _ = found.shot.light_field
+    return replace(found, is_lit=True)
 
 
 def _shown_at_once(shot: Shot, found: Found) -> Generator[Progress | Found, None, Found]:
@@ -209,7 +227,8 @@ def _shown_at_once(shot: Shot, found: Found) -> Generator[Progress | Found, None
 def _with_look(shot: Shot, found: Found, path: Path) -> Found:
     """Writes a look and reads the shot under it; where that is what is shown already, it stays."""
     look = author(shot, found.solution, path)
-    return replace(found, look=look, shot=look.over(shot, found.shot))
+    under = look.over(shot, found.shot)
+    return replace(found, look=look, shot=under, is_lit=found.is_lit and under is found.shot)
 
 
 @dataclass(frozen=True, eq=False)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from PySide6.QtCore import QRect, QRectF, QSize, Qt
-from PySide6.QtGui import QColor, QFontMetrics, QImage, QPainter, QPainterPath, QPaintEvent, QPen
+from PySide6.QtGui import QColor, QFontMetrics, QImage, QPainter, QPainterPath, QPaintEvent, QPen, QPixmap
 from PySide6.QtWidgets import QAbstractButton, QSizePolicy, QWidget
 
 from hydra_viewer.model.previews import Preview
@@ -11,7 +11,7 @@ from hydra_viewer.model.understanding import Alternative
 from hydra_viewer.ui import panel_words as words
 from hydra_viewer.ui import theme
 
-CAPTION = 34  # height of title and chance
+CAPTION = 38  # height of title and chance
 
 
 class AlternativeTile(QAbstractButton):
@@ -29,18 +29,27 @@ class AlternativeTile(QAbstractButton):
             key: its shortcut; "": none.
         """
         super().__init__(parent)
-        self.alternative, self._image, self._why_not = alternative, QImage(), ""
-        self.preview: Preview | None = None
+        self._key = key
+        self._drawn, self._drawn_as = QPixmap(), tuple[object, ...]()
         self.setFocusPolicy(Qt.FocusPolicy.StrongFocus)
         self.setCheckable(True)
-        self.setChecked(alternative.is_chosen)
         policy = QSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Minimum)
         policy.setHeightForWidth(True)
         self.setSizePolicy(policy)
+        self.take(alternative)
+
+    def take(self, alternative: Alternative) -> None:
+        """Is of another alternative from now on, whose picture is still to come."""
+        self.alternative, self._image, self._why_not = alternative, QImage(), ""
+        self.preview: Preview | None = None
+        self.setEnabled(True)
+        self.setChecked(alternative.is_chosen)
         self.setAccessibleName(alternative.title)
         self.setText(alternative.title)
         changes = "\n".join(c.in_words for c in alternative.changes)
-        self.setToolTip("\n".join(filter(None, [f"{alternative.title}{f'  ({key})' if key else ''}", changes])))
+        head = f"{alternative.title}{f'  ({self._key})' if self._key else ''}"
+        self.setToolTip("\n".join(filter(None, [head, changes])))
+        self.update()
 
     def hasHeightForWidth(self) -> bool:
         return True
@@ -75,7 +84,22 @@ class AlternativeTile(QAbstractButton):
         """It stays as it is: what is chosen is shown when it was found."""
 
     def paintEvent(self, event: QPaintEvent) -> None:
+        """Draws itself where it looks otherwise than before: it is painted whenever something beside it changes."""
+        ratio, font = self.devicePixelRatioF(), self.font().key()
+        states = self.isEnabled(), self.isChecked(), self.hasFocus(), self.underMouse()
+        key = self.size(), ratio, font, self.alternative, self._image.cacheKey(), self._why_not, states
+        if key != self._drawn_as:
+            self._drawn, self._drawn_as = QPixmap(self.size() * ratio), key
+            self._drawn.setDevicePixelRatio(ratio)
+            self._drawn.fill(Qt.GlobalColor.transparent)
+            painter = QPainter(self._drawn)
+            self._draw(painter)
+            painter.end()
         painter = QPainter(self)
+        painter.drawPixmap(0, 0, self._drawn)
+        painter.end()
+
+    def _draw(self, painter: QPainter) -> None:
         painter.setRenderHint(QPainter.RenderHint.Antialiasing)
         painter.setRenderHint(QPainter.RenderHint.SmoothPixmapTransform)
         r = QRectF(0, 0, self.width(), self.heightForWidth(self.width())).adjusted(1, 1, -1, -1)
@@ -93,7 +117,7 @@ class AlternativeTile(QAbstractButton):
             said = words.NOT_POSSIBLE if self._why_not else words.PICTURE_COMES
             painter.drawText(picture, Qt.AlignmentFlag.AlignCenter, said)
         painter.setClipping(False)
-        self._draw_caption(painter, QRect(7, picture.bottom() + 3, self.width() - 14, CAPTION - 4))
+        self._draw_caption(painter, QRect(8, picture.bottom() + 4, self.width() - 16, CAPTION - 9))
         painter.setBrush(Qt.BrushStyle.NoBrush)
         painter.setPen(QPen(QColor(theme.ACCENT if self.isChecked() else "#262626"), 2 if self.isChecked() else 1))
         painter.drawPath(shape)

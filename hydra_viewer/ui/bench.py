@@ -54,12 +54,13 @@ def measure(stage: str, options: dict[str, Any]) -> dict[str, Any]:
     canvas = window.painting.canvas
     canvas.setFixedSize(*SIZE)
     window.show()
-    window.filing.open(Files(stage))
-    _wait(lambda: canvas.viewport.pixels() is not None)
-    _rest(1.0)
+    _rest(0.5)
     stalls = Stalls()
     found: dict[str, list[float]] = {name: [] for name in LIMITS}
     try:
+        window.filing.open(Files(stage))
+        _wait(lambda: canvas.viewport.pixels() is not None)
+        _rest(1.0)
         found["orbit frame"] = _orbit(window)
         window.painting.look_through(None)
         _rest(1.0)

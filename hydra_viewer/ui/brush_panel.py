@@ -168,9 +168,9 @@ class BrushPanel(QWidget):
             if not self.picker.isAncestorOf(self.focusWidget() or self):
                 self.picker.show_color((shown[0][0], shown[0][1], shown[0][2]))
             n = len(brush.recent)
-            self.recent.show_colors(shown[1 : n + 1], [words.scene_linear(c) for c in brush.recent])
-            self.palette_row.show_colors(shown[n + 1 :], [words.scene_linear(c) for c in PALETTE])
-            tab_through(self)  # there may be one more
+            more = self.recent.show_colors(shown[1 : n + 1], [words.scene_linear(c) for c in brush.recent])
+            if self.palette_row.show_colors(shown[n + 1 :], [words.scene_linear(c) for c in PALETTE]) or more:
+                tab_through(self)
 
     def _on_picked(self, code: tuple[float, float, float]) -> None:
         shot = self._document.shot

@@ -174,9 +174,11 @@ class Swatches(QWidget):
         self._grid.setContentsMargins(0, 0, 0, 0)
         self._grid.setSpacing(3)
         self._buttons: list[QToolButton] = []
+        self._names: list[str] = []  # of the colours, a button each
 
-    def show_colors(self, codes: Sequence[Sequence[float]], tips: Sequence[str]) -> None:
-        """Shows colours, code values in 0..1, with a tooltip each."""
+    def show_colors(self, codes: Sequence[Sequence[float]], tips: Sequence[str]) -> bool:
+        """Shows colours, code values in 0..1, with a tooltip each; returns whether there are buttons that were not."""
+        before = len(self._buttons)
         while len(self._buttons) < len(codes):
             number, button = len(self._buttons), QToolButton()
             button.setFixedSize(22, 22)
@@ -184,12 +186,16 @@ class Swatches(QWidget):
             self._grid.addWidget(button, number // self.PER_ROW, number % self.PER_ROW)
             self._grid.setColumnStretch(self.PER_ROW, 1)
             self._buttons.append(button)
+            self._names.append("")
         for n, button in enumerate(self._buttons):
             button.setVisible(n < len(codes))
             if n < len(codes):
-                color = QColor.fromRgbF(*(float(c) for c in codes[n]))
-                button.setStyleSheet(
-                    f"QToolButton {{ background: {color.name()}; border: 1px solid #222; border-radius: 2px; }}"
-                    f"QToolButton:hover, QToolButton:focus {{ border: 1px solid {theme.TEXT}; }}"
-                )
+                name = QColor.fromRgbF(*(float(c) for c in codes[n])).name()
+                if name != self._names[n]:  # a style sheet is read anew each time
+                    self._names[n] = name
+                    button.setStyleSheet(
+                        f"QToolButton {{ background: {name}; border: 1px solid #222; border-radius: 2px; }}"
+                        f"QToolButton:hover, QToolButton:focus {{ border: 1px solid {theme.TEXT}; }}"
+                    )
                 button.setToolTip(tips[n])
+        return len(self._buttons) > before

@@ -24,6 +24,7 @@ from usdslf import Camera, NextDab, Stroke, find_next_dab, stepwise
 
 MASK_PIXELS = 160_000
 PREVIEW = 168, 112  # of a preview, width and height [pixels]
+SOLVE = "solve"  # the job of solving.py
 KINDS = GROUPS, PREVIEWS, DAB, MASK = "understand", "previews", "next dab", "scope"
 
 
@@ -70,6 +71,7 @@ class Explaining(QObject):
         document.found_changed.connect(self._take_found)
         document.strokes_changed.connect(self._strokes_changed)
         document.shot_changed.connect(self._shot_changed)
+        worker.idle_changed.connect(lambda is_idle: self.groups_changed.emit() if is_idle else None)
 
     def _forget(self) -> None:
         self.groups: tuple[Understood, ...] = ()
@@ -86,6 +88,11 @@ class Explaining(QObject):
     def is_current(self) -> bool:
         """Whether what was understood is of the strokes as they are."""
         return self._document.is_answered and bool(self.groups or not self._document.active)
+
+    @property
+    def is_coming(self) -> bool:
+        """Whether what is not current yet is being looked for; False: that was cancelled, or failed."""
+        return self._worker.is_doing(SOLVE) or self._worker.is_doing(GROUPS)
 
     @property
     def is_making_pictures(self) -> bool:
@@ -120,7 +127,7 @@ class Explaining(QObject):
             return
         if before is None or before.solution is not found.solution:
             self._start(GROUPS, lambda: stepwise(lambda: understood(shot, found)), self._take_groups)
-        elif found.is_lit and self.groups and not self._worker.is_doing(GROUPS):
+        elif found.is_lit and not before.is_lit and self.groups and not self._worker.is_doing(GROUPS):
             self._make_previews()
 
     def _take_groups(self, groups: tuple[Understood, ...]) -> None:
@@ -150,7 +157,8 @@ class Explaining(QObject):
         found, shot, view, groups = self._found, self._document.shot, self._easel.view, self.groups
         if found is None or shot is None or view is None:
             return
-        sight, known, whole = Sight(view.camera, self.aspect, self.preview_size), set(self.previews), self._whole
+        sight = Sight(view.camera, self.aspect, self.preview_size, self._easel.display)
+        known, whole = set(self.previews), self._whole
         self._pictured = found.strokes, view.camera
         steps = lambda: previewing(shot, found, groups, sight, whole, known)  # noqa: E731
         self._start(PREVIEWS, steps, self._end_pictures, self._take_part)

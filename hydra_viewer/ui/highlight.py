@@ -12,7 +12,7 @@ from usdslf import Camera, Progress, Shot, seen_prims, stepwise
 
 PIXELS = 250_000  # that are asked what they show
 BLURS, SHARPNESS = 3, 2.5  # of a rim
-INSIDE = 26  # opacity within it, of 255
+HATCH, HATCH_OPACITY = 9, 0.45  # every so many pixels, of 1
 
 
 def shown_at(shot: Shot, camera: Camera, size: tuple[int, int]) -> Generator[Progress, None, NDArray[np.int32]]:
@@ -28,11 +28,14 @@ def shown_at(shot: Shot, camera: Camera, size: tuple[int, int]) -> Generator[Pro
     return stepwise(lambda: seen_prims(shot, camera, asked).mesh)
 
 
-def rim(is_in: NDArray[np.bool_], color: QColor) -> QImage:
+def rim(is_in: NDArray[np.bool_], color: QColor, hatched: bool = False) -> QImage:
     """Returns a picture of the rim of a mask, to be stretched over it: a line without steps, some pixels wide.
+
+    What lies inside keeps its colour: people judge it.
 
     Args:
         is_in: (h, w).
+        hatched: thin lines cross what lies inside.
     """
     share: NDArray = is_in.astype(np.float32)  # of what is about a pixel, that is in
     for _ in range(BLURS):
@@ -43,5 +46,8 @@ def rim(is_in: NDArray[np.bool_], color: QColor) -> QImage:
     pixels = np.empty((h, w, 4), np.uint8)
     pixels[..., :3] = color.red(), color.green(), color.blue()
     line = np.clip(SHARPNESS * (0.5 - np.abs(share - 0.5)), 0, 1)
-    pixels[..., 3] = np.maximum(255 * line, np.where(share > 0.5, INSIDE, 0))
+    if hatched:
+        y, x = np.mgrid[:h, :w]
+        line = np.maximum(line, np.where((share > 0.5) & ((x + y) % HATCH == 0), HATCH_OPACITY, 0))
+    pixels[..., 3] = 255 * line
     return QImage(pixels.data, w, h, 4 * w, QImage.Format.Format_RGBA8888).copy()

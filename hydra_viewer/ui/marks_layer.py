@@ -57,7 +57,7 @@ class MarksLayer(QWidget):
         mask = self._explaining.mask
         if mask is not None:
             if mask is not self._mask:
-                self._mask, self._image = mask, rim(mask > 0, QColor(theme.ACCENT))
+                self._mask, self._image = mask, rim(mask > 0, QColor(theme.COVERED), hatched=True)
             painter.drawImage(self.rect(), self._image)
         if self._explaining.marked is not None:
             self._draw_dab(painter, self._explaining.marked)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 from PySide6.QtCore import QPointF, QRect, QRectF, Qt, QTimer
-from PySide6.QtGui import QColor, QImage, QPainter, QPainterPath, QPaintEvent, QPen, QPixmap
+from PySide6.QtGui import QColor, QImage, QPainter, QPainterPath, QPaintEvent, QPen, QPixmap, QPolygonF
 from PySide6.QtWidgets import QWidget
 
 from hydra_viewer.model.brush_color import shot_color, shown_colors
@@ -47,6 +47,9 @@ class Overlay(QWidget):
         self._at: tuple[float, float] | None = None
         self._seen: Pick | None = None
         self._has_focus_ring = False
+        self._ring: QPolygonF | None = None
+        self._ring_of: tuple[Pick | None, Camera | None] = None, None
+        self._ring_size = 0.0, 0
         self._laid: dict[int, Marks] = {}  # by stroke
         self._laid_as: tuple[int, ...] = ()
         self._colors: dict[tuple[float, ...], QColor] = {}
@@ -216,18 +219,20 @@ class Overlay(QWidget):
     def _draw_brush(self, painter: QPainter, camera: Camera, at: tuple[float, float]) -> None:
         """A ring on the surface, about its normal; a circle where there is none."""
         radius = self._easel.brush.radius * self.height()
-        ring = self._ring(camera)
+        size = radius, self.width()
+        if self._ring_of[0] is not self._seen or self._ring_of[1] is not camera or self._ring_size != size:
+            self._ring = self._ring_on(self._seen, camera)
+            self._ring_of, self._ring_size = (self._seen, camera), size
         painter.setBrush(Qt.BrushStyle.NoBrush)
         for pen in (QPen(DARK, 2.6), QPen(LIGHT, 1.2)):
             painter.setPen(pen)
-            if ring is None:
+            if self._ring is None:
                 painter.drawEllipse(QPointF(*at), radius, radius)
             else:
-                painter.drawPolygon([QPointF(x, y) for x, y in ring])
+                painter.drawPolygon(self._ring)
         painter.drawPoint(QPointF(*at))
 
-    def _ring(self, camera: Camera) -> NDArray | None:
-        seen = self._seen
+    def _ring_on(self, seen: Pick | None, camera: Camera) -> QPolygonF | None:
         if seen is None:
             return None
         here, _ = project_points(camera, seen.point[None], self._aspect)
@@ -239,7 +244,9 @@ class Overlay(QWidget):
         angle = np.linspace(0, 2 * np.pi, RING, endpoint=False)[:, None]
         points = seen.point + radius * (np.cos(angle) * across + np.sin(angle) * np.cross(normal, across))
         ring, _ = project_points(camera, points, self._aspect)
-        return ring * [self.width(), self.height()] if np.isfinite(ring).all() else None
+        if not np.isfinite(ring).all():
+            return None
+        return QPolygonF([QPointF(x * self.width(), y * self.height()) for x, y in ring.tolist()])
 
     def _draw_source(self, painter: QPainter, camera: Camera) -> None:
         """Where tool clone copies from."""

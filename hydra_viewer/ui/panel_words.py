@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 
 # ── Understood ────────────────────────────────────────────────────────────────────────────────────
 NOTHING_PAINTED = "Paint on the picture how a surface should look.\nWhat is understood of it is said here."
 LOOKING = "Looking at the strokes …"
+NOT_LOOKED = "The strokes were not looked at to the end. Ctrl+R looks again."
 FOLLOWING = "In the light as it was; what the change sends round is being followed …"
 CHOSEN = "shown"
 ALTERNATIVES = "Or did you mean"
@@ -98,6 +100,7 @@ OFF = ("Switch off", "Keep the change in the look, silent, as usdslf toggle does
 ON = ("Switch on", "Let the change show again")
 WEIGHED = "Explanations that were weighed"
 REVIEW_PAINTED, REVIEW_BEFORE, REVIEW_AFTER = "painted", "seen before", "seen after"
+HASH = re.compile("[0-9a-f]{40,}")
 SURVIVES, FINDINGS, FROM = "Will it survive?", "Findings", "Where it comes from"
 ALL_SURVIVES = "No rule says that another program shows it otherwise."
 NO_FINDINGS = "None."
@@ -142,10 +145,12 @@ def changes_too(names: Sequence[str]) -> str:
 
 
 def provenance(values: Mapping[str, object]) -> str:
-    """Returns where a look comes from, a line each."""
+    """Returns where a look comes from, a line each; of hashes the beginning."""
     rows = {name: value for name, value in values.items() if value not in ("", None)}
     parts = {name: value.items() for name, value in rows.items() if isinstance(value, Mapping)}
     said = {name: ", ".join(f"{k} {v}" for k, v in of) for name, of in parts.items()}
+    hashes = {name: value for name, value in rows.items() if isinstance(value, str) and HASH.fullmatch(value)}
+    said |= {name: f"{value[:16]} …" for name, value in hashes.items()}
     return "\n".join(f"{name}: {said.get(name, value)}" for name, value in rows.items())
 
 

@@ -41,7 +41,12 @@ def _codes(linear: tuple[float, float, float], display: DisplaySettings, color: 
 
 def shown_picture(linear: NDArray, shot: Shot, display: DisplaySettings) -> QImage:
     """Returns what the screen shows of a picture (h, w, 3), scene-linear."""
-    codes = np.ascontiguousarray(display_codes(linear, display, shot_color(shot)))
+    return image_of(display_codes(linear, display, shot_color(shot)))
+
+
+def image_of(codes: NDArray[np.uint8]) -> QImage:
+    """Returns code values (h, w, 3) as an image."""
+    codes = np.ascontiguousarray(codes)
     h, w = codes.shape[:2]
     return QImage(codes.data, w, h, 3 * w, QImage.Format.Format_RGB888).copy()
 
@@ -57,13 +62,15 @@ def swatch_icon(color: QColor, size: int = 14) -> QIcon:
     painter.setBrush(color)
     painter.drawRoundedRect(QRectF(0.5, 0.5, size - 1, size - 1), 2, 2)
     painter.end()
-    return QIcon(pixmap)
+    swatch = QIcon(pixmap)
+    swatch.addPixmap(pixmap, QIcon.Mode.Selected)  # a selected row would tint it
+    return swatch
 
 
 class _Row(QWidget):
     """A line of a card, as wide as there is room."""
 
-    def __init__(self, parent: QWidget | None) -> None:
+    def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
         self.setFixedHeight(ROW.height())
         self.setSizePolicy(QSizePolicy.Policy.Expanding, QSizePolicy.Policy.Fixed)
@@ -75,9 +82,14 @@ class _Row(QWidget):
 class ColorChange(_Row):
     """A colour before and after, side by side."""
 
-    def __init__(self, before: QColor, after: QColor, parent: QWidget | None = None) -> None:
+    def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
+        self._colors = QColor(), QColor()
+
+    def show_colors(self, before: QColor, after: QColor) -> None:
+        """Shows a colour before and after."""
         self._colors = before, after
+        self.update()
 
     def paintEvent(self, event: QPaintEvent) -> None:
         painter = QPainter(self)
@@ -94,11 +106,15 @@ class ColorChange(_Row):
 class ValueChange(_Row):
     """A value 0..1 on a line: where it was, where it is, and the range that the paint allows."""
 
-    def __init__(
-        self, before: float, after: float, ends: tuple[float, float] | None, parent: QWidget | None = None
-    ) -> None:  # fmt: skip
+    def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
+        self._before = self._after = 0.0
+        self._ends: tuple[float, float] | None = None
+
+    def show_values(self, before: float, after: float, ends: tuple[float, float] | None) -> None:
+        """Shows a value before and after, and the ends of its range; None: not known."""
         self._before, self._after, self._ends = before, after, ends
+        self.update()
 
     def paintEvent(self, event: QPaintEvent) -> None:
         painter = QPainter(self)

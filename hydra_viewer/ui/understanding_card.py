@@ -57,8 +57,9 @@ class UnderstandingCard(QWidget):
         """
         super().__init__(parent)
         self.setAttribute(Qt.WidgetAttribute.WA_StyledBackground)
-        self.group, self._shown, self.has_keys = group, shown, keys
+        self.group, self._shown, self.has_keys, self._words = group, shown, keys, _in_words(group)
         self.tiles: dict[str, AlternativeTile] = {}
+        self._changes: list[tuple[ColorChange | ValueChange, QLabel | None]] = []
         self.setObjectName("card")
         self._layout = QVBoxLayout(self)
         self._layout.setContentsMargins(8, 8, 8, 8)
@@ -73,7 +74,28 @@ class UnderstandingCard(QWidget):
 
     def reads_as(self, group: Understood) -> bool:
         """Whether a card of a group would say the same, word by word."""
-        return _in_words(self.group) == _in_words(group)
+        return group == self.group or self._words == _in_words(group)
+
+    def fits(self, group: Understood) -> bool:
+        """Whether it can say a group as well: that has the same parts, and other numbers and colours at most."""
+        return group == self.group or _parts(self.group) == _parts(group)
+
+    def take(self, group: Understood) -> None:
+        """Says another group that it fits.
+
+        A new card costs ten times as much, and flickers: an answer is refined again and again.
+        """
+        is_same = self.reads_as(group)
+        self.group, self._words = group, _in_words(group)
+        if is_same:
+            return
+        self.sentence.setText(_breakable(group.sentence))
+        for (picture, said), change in zip(self._changes, group.changes, strict=True):
+            self._show_change(picture, change)
+            if said is not None:
+                said.setText(change.range_in_words)
+        for tile, alternative in zip(self.tiles.values(), _in_order(group), strict=True):
+            tile.take(alternative)
 
     # ── what it says ───────────────────────────────────────────────────────────────────────────
 
@@ -87,7 +109,7 @@ class UnderstandingCard(QWidget):
         row.addWidget(head, 1)
         row.addWidget(which)
         self._layout.addLayout(row)
-        self.sentence = _wrapped(group.sentence.replace("/", "/\u200b"))
+        self.sentence = _wrapped(_breakable(group.sentence))
         self.sentence.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
         self._layout.addWidget(self.sentence)
         if group.is_chosen_by_hand:
@@ -104,23 +126,26 @@ class UnderstandingCard(QWidget):
         grid.setColumnStretch(1, 1)
         for change in self.group.changes:
             row = grid.rowCount()
+            picture = ColorChange() if change.is_color else ValueChange()
+            said = _dim(change.range_in_words) if change.low else None
+            self._show_change(picture, change)
+            self._changes.append((picture, said))
             grid.addWidget(_dim(change.name), row, 0)
-            grid.addWidget(self._picture_of(change), row, 1)
-            if change.low:
-                grid.addWidget(_dim(change.range_in_words), row + 1, 0, 1, 2)
+            grid.addWidget(picture, row, 1)
+            if said is not None:
+                grid.addWidget(said, row + 1, 0, 1, 2)
         self._layout.addLayout(grid)
         for note in (*self.group.notes, *self.group.also):
             self._layout.addWidget(_dim(note))
 
-    def _picture_of(self, change: ParameterChange) -> QWidget:
-        if change.is_color:
-            picture: QWidget = ColorChange(self._shown(change.before), self._shown(change.after))
+    def _show_change(self, picture: ColorChange | ValueChange, change: ParameterChange) -> None:
+        if isinstance(picture, ColorChange):
+            picture.show_colors(self._shown(change.before), self._shown(change.after))
         else:
             ends = (change.low[0], change.high[0]) if change.low else None
-            picture = ValueChange(change.before[0], change.after[0], ends)
+            picture.show_values(change.before[0], change.after[0], ends)
         picture.setToolTip(f"{change.in_words}\n{change.range_in_words}".rstrip())
         picture.setAccessibleName(f"{change.name} {value_in_words(change.after)}")
-        return picture
 
     # ── what can be chosen ─────────────────────────────────────────────────────────────────────
 
@@ -150,7 +175,7 @@ class UnderstandingCard(QWidget):
             number = len(self.tiles) + 1
             key = f"Alt+{number}" if self.has_keys and number <= 4 else ""
             tile = AlternativeTile(alternative, key)
-            tile.clicked.connect(lambda _=False, a=alternative: self._click(a))
+            tile.clicked.connect(lambda _=False, tile=tile: self._click(tile.alternative))
             grid.addWidget(tile, n // 2, n % 2)
             self.tiles[alternative.id] = tile
         for column in (0, 1):
@@ -219,6 +244,25 @@ class UnderstandingCard(QWidget):
             rest = _dim(words.more(len(effects) - MOST_EFFECTS))
             rest.setToolTip("\n".join(e.path for e in effects[MOST_EFFECTS : MOST_EFFECTS + 20]))
             self._effects.addWidget(rest)
+
+
+def _in_order(group: Understood) -> tuple[Alternative, ...]:
+    """The alternatives in the order of the tiles."""
+    asked = group.question
+    return (*asked, *group.offered[len(asked) :]) if group.offered else ()
+
+
+def _parts(group: Understood) -> tuple[object, ...]:
+    """What a card of a group is made of: cards of others with the same parts differ in numbers and colours alone."""
+    changes = [(c.name, c.is_color, bool(c.low)) for c in group.changes]
+    offered = [a.id for a in _in_order(group)]
+    rest = group.material, group.strokes, group.is_chosen_by_hand, group.sharing, group.also, group.notes, group.scope
+    return changes, offered, len(group.question), rest
+
+
+def _breakable(text: str) -> str:
+    """A text whose paths may go on in another line."""
+    return text.replace("/", "/\u200b")
 
 
 def _in_words(group: Understood) -> tuple[object, ...]:

@@ -11,15 +11,16 @@ from PySide6.QtWidgets import QHBoxLayout, QLabel, QProgressBar, QToolButton, QV
 
 from hydra_viewer.model.document import Document
 from hydra_viewer.model.easel import Easel
-from hydra_viewer.model.previews import Effect
+from hydra_viewer.model.previews import Effect, Preview
 from hydra_viewer.model.understanding import Understood
 from hydra_viewer.ui import panel_words as words
 from hydra_viewer.ui import theme
 from hydra_viewer.ui.explaining import PREVIEW, Explaining
-from hydra_viewer.ui.swatches import shown, shown_picture
+from hydra_viewer.ui.swatches import image_of, shown, shown_picture
 from hydra_viewer.ui.tab_order import tab_through
 from hydra_viewer.ui.understanding_card import UnderstandingCard
 from hydra_viewer.ui.words import tooltip
+from usdslf import Shot
 
 MOST_CARDS = 5  # others are shown when their strokes are selected
 SHARPEST = 1.5  # pixels of a preview by those of the panel
@@ -107,7 +108,7 @@ class UnderstandingPanel(QWidget):
         """
         self._wanted, self._before, self.cards = tuple(groups), [*self.cards, *self._before], []
         for card in self._before:
-            card.setVisible(any(card.reads_as(g) for g in groups))
+            card.setVisible(any(card.fits(g) for g in groups))
         kept = {id(p.picture) for p in self._explaining.previews.values()}
         self._images = {key: pair for key, pair in self._images.items() if key in kept}
         if groups:
@@ -117,14 +118,16 @@ class UnderstandingPanel(QWidget):
     def _make_next(self) -> None:
         number = len(self.cards)
         group = self._wanted[number]
-        card = next((c for c in self._before if c.reads_as(group) and c.has_keys == (number == 0)), None)
-        if card is not None:
-            self._before.remove(card)
-            self._layout.removeWidget(card)
-            card.group = group
-        else:
-            card = self._new_card(group, number)
-        self._layout.insertWidget(2 + number, card)
+        at_hand = [c for c in self._before if c.has_keys == (number == 0)]
+        kept = next((c for c in at_hand if c.reads_as(group)), None)
+        kept = kept or next((c for c in at_hand if c.fits(group) and not self._is_wanted(c)), None)
+        card = kept or self._new_card(group, number)
+        if kept is not None:
+            self._before.remove(kept)
+            kept.take(group)
+            kept.show()
+        if kept is None or self._layout.indexOf(kept) != 2 + number:
+            self._layout.insertWidget(2 + number, card)
         card.setEnabled(self._explaining.is_current)
         self.cards.append(card)
         of = next((n for n, g in enumerate(self._explaining.groups) if g == group), -1)
@@ -134,6 +137,10 @@ class UnderstandingPanel(QWidget):
         if number == 0:
             self._show_effects()
             self._show_marked()
+
+    def _is_wanted(self, card: UnderstandingCard) -> bool:
+        """Whether a card says what is to be said as it is."""
+        return any(card.reads_as(g) for g in self._wanted)
 
     def _new_card(self, group: Understood, number: int) -> UnderstandingCard:
         card = UnderstandingCard(group, self._shown, keys=number == 0)
@@ -179,7 +186,7 @@ class UnderstandingPanel(QWidget):
         if not document.active:
             text = words.NOTHING_PAINTED
         elif not self._explaining.is_current:
-            text = words.LOOKING
+            text = words.LOOKING if self._explaining.is_coming or document.shot is None else words.NOT_LOOKED
         else:
             text = "" if document.is_solved else words.FOLLOWING
         self._said.setText(text)
@@ -199,10 +206,15 @@ class UnderstandingPanel(QWidget):
         if preview.picture is None:
             tile.forbid(preview.why_not)
         else:
-            key = id(preview.picture)
-            if key not in self._images:
-                self._images[key] = preview.picture, shown_picture(preview.picture, shot, self._easel.display)
-            tile.show_picture(self._images[key][1])
+            tile.show_picture(self._image_of(preview.picture, preview, shot))
+
+    def _image_of(self, picture: NDArray, preview: Preview, shot: Shot) -> QImage:
+        """A preview as the screen shows it: as it came with it, where the screen still shows colours in that way."""
+        key, display = id(picture), self._easel.display
+        if key not in self._images:
+            codes = preview.codes if preview.display == display else None
+            self._images[key] = picture, image_of(codes) if codes is not None else shown_picture(picture, shot, display)
+        return self._images[key][1]
 
     def _show_effects(self) -> None:
         """What changes beside the paint is said once, on the first card."""
