@@ -62,7 +62,7 @@ class Autosave:
         self.is_held = self.is_writing = False
         self._thread: threading.Thread | None = None
         self._condition = threading.Condition()
-        document.strokes_changed.connect(self._keep)
+        document.strokes_changed.connect(self.keep)
 
     def begin(self) -> None:
         """Keeps strokes from now on: what an earlier session left was looked at."""
@@ -104,7 +104,8 @@ class Autosave:
         with self._condition:
             self._condition.wait_for(lambda: not self._is_working, timeout=10)
 
-    def _keep(self) -> None:
+    def keep(self) -> None:
+        """Keeps the strokes as they are, unless paused."""
         document = self._document
         if document.shot is None or self._is_paused:
             return

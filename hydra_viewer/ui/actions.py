@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -63,6 +63,11 @@ class Actions:
         self.menus[-1][1].append(action)
         self.by_name[words_of[0]] = action
         return action
+
+
+    def list_too(self, made: Sequence[QAction]) -> None:
+        """Lists actions of the last menu that were made elsewhere."""
+        self.menus[-1][1].extend(made)
 
 
 def add_paint_actions(actions: Actions, easel: Easel) -> None:

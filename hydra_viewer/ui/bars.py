@@ -4,17 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from PySide6.QtCore import Qt, Signal
-from PySide6.QtWidgets import QHBoxLayout, QLabel, QProgressBar, QPushButton, QToolButton, QWidget
+from PySide6.QtCore import QEvent, QObject, QRectF, Qt, QTimer, Signal
+from PySide6.QtGui import QColor, QPainter, QPaintEvent
+from PySide6.QtWidgets import QHBoxLayout, QLabel, QPushButton, QToolButton, QWidget
 
 from hydra_viewer.ui import theme, words
 
 
 class MessageBar(QWidget):
-    """A sentence across the window until it is closed, or answered."""
+    """A sentence across the head of what it lies over, until it is closed, or answered; nothing moves when it comes."""
 
-    def __init__(self, parent: QWidget | None = None) -> None:
-        super().__init__(parent)
+    def __init__(self, below: QWidget) -> None:
+        super().__init__(below)
+        self._below = below
+        below.installEventFilter(self)
         self.setAttribute(Qt.WidgetAttribute.WA_StyledBackground)
         self._label = QLabel()
         self._label.setWordWrap(True)
@@ -29,6 +32,16 @@ class MessageBar(QWidget):
         self._layout.addWidget(self._label, 1)
         self._layout.addWidget(close)
         self.hide()
+
+    def eventFilter(self, watched: QObject, event: QEvent) -> bool:
+        """Stays as wide as what it lies over."""
+        if event.type() == QEvent.Type.Resize:
+            self._fit()
+        return False
+
+    def _fit(self) -> None:
+        wide = self._below.width()
+        self.setGeometry(0, 0, wide, max(self.heightForWidth(wide), self.minimumSizeHint().height()))
 
     @property
     def text(self) -> str:
@@ -53,10 +66,38 @@ class MessageBar(QWidget):
             self._answers.append(button)
         self._label.setText(sentence)
         self.setStyleSheet(f"MessageBar {{ background: {theme.ERROR if is_error else theme.NOTE}; }}")
+        self._fit()
         self.show()
+        self.raise_()
 
 
 LABEL = 260  # of what is being done [pixels]
+WIDE, HIGH = 160, 6  # of the bar [pixels]
+TELLING = 50  # milliseconds between what is told of work under way
+
+
+class _ShareBar(QWidget):
+    """How much is done; unlike Qt's own bar it does not make the whole window paint at once when that changes."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.share = 0.0
+        self.setFixedSize(WIDE, HIGH)
+
+    def show_share(self, share: float) -> None:
+        """Shows a share, 0..1."""
+        if share != self.share:
+            self.share = share
+            self.update()
+
+    def paintEvent(self, event: QPaintEvent) -> None:
+        painter = QPainter(self)
+        painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+        painter.setPen(Qt.PenStyle.NoPen)
+        for share, color in ((1.0, theme.FIELD), (self.share, theme.ACCENT)):
+            painter.setBrush(QColor(color))
+            painter.drawRoundedRect(QRectF(0, 0, share * self.width(), self.height()), 2, 2)
+        painter.end()
 
 
 class ProgressRow(QWidget):
@@ -70,8 +111,10 @@ class ProgressRow(QWidget):
 
     def __init__(self, parent: QWidget | None = None) -> None:
         super().__init__(parent)
-        self._label, self._bar = QLabel(words.READY), QProgressBar(textVisible=False, maximum=1000)
-        self._bar.setFixedWidth(160)
+        self._label, self._bar = QLabel(words.READY), _ShareBar()
+        self._told = "", 0.0
+        self._telling = QTimer(self, singleShot=True, interval=TELLING)
+        self._telling.timeout.connect(self._show_told)
         self._button = QToolButton()
         self._button.setText(words.CANCEL_BUTTON)
         self._button.setToolTip(words.CANCEL[1])
@@ -89,12 +132,18 @@ class ProgressRow(QWidget):
 
     def tell(self, step: str, share: float) -> None:
         """Shows how far a step is."""
-        self._label.setText(words.working(step, share))
-        self._bar.setValue(round(1000 * share))
+        self._told = step, share
+        if not self._telling.isActive():
+            self._telling.start()
+
+    def _show_told(self) -> None:
+        self._label.setText(words.working(*self._told))
+        self._bar.show_share(self._told[1])
 
     def set_idle(self, is_idle: bool) -> None:
         """Shows whether something is done."""
         self._bar.setVisible(not is_idle)
         self._button.setVisible(not is_idle)
         if is_idle:
+            self._telling.stop()
             self._label.setText(words.READY)

@@ -35,7 +35,7 @@ from hydra_viewer.ui.highlight import rim, shown_at
 from hydra_viewer.ui.overlay import Overlay
 from hydra_viewer.ui.viewport import Shown, Viewport, ViewportKind
 from hydra_viewer.ui.worker import Job, Worker
-from usdslf import Pick, UsdslfError, pick
+from usdslf import Camera, Pick, Shot, UsdslfError, pick
 
 if TYPE_CHECKING:
     from hydra_viewer.model.document import Document
@@ -76,6 +76,8 @@ class Canvas(QWidget):
         self.document, self.easel, self._worker = document, easel, worker
         self._shows: NDArray[np.int32] | None = None  # which mesh each of some pixels shows
         self._gesture: Gesture | None = None
+        self._button = LEFT  # that it began with
+        self._painted_on: tuple[str, Shot, Camera] | None = None  # stage, shot and camera of the stroke under way
         self._is_resizing_key_down = False
         self._is_held = self._has_let_go = False
         self._instead: Shown | None = None
@@ -136,6 +138,7 @@ class Canvas(QWidget):
         self.viewport.hold(is_held)
 
     def _on_shot_changed(self) -> None:
+        self._end_stroke()
         self._shows, self._instead, self._has_let_go = None, None, False
         self._show_shot()
 
@@ -170,6 +173,7 @@ class Canvas(QWidget):
 
     def _show_view(self) -> None:
         if self.easel.view is not None:
+            self._end_stroke()
             self.viewport.set_camera(self.easel.view.camera, self.easel.is_moving)
         self._shows = None
         if not self.easel.is_moving:
@@ -222,17 +226,30 @@ class Canvas(QWidget):
 
     def finish_stroke(self, path: PenPath) -> None:
         """Makes a stroke of a path and puts it on the shot."""
-        document, easel = self.document, self.easel
-        if document.shot is None or easel.view is None:
+        document, easel, on = self.document, self.easel, self._painted_on
+        if on is None:
             return
         brush = easel.brush
         try:
-            stroke = stroke_of(document.shot, easel.view.camera, path, brush, self.aspect, document.next_name)
+            stroke = stroke_of(*on[1:], path, brush, self.aspect, document.next_name)
         except UsdslfError as error:
             self.failed.emit(str(error))
             return
         easel.set_brush(brush.used())
         document.change_strokes(words.painted(brush.tool), [*document.strokes, stroke])
+
+    def _end_stroke(self) -> None:
+        """Ends the stroke under way where the picture under it goes: as far as it was painted, on what was seen."""
+        gesture, on, view, document = self._gesture, self._painted_on, self.easel.view, self.document
+        if not isinstance(gesture, Paint) or on is None or view is None:
+            return
+        stage, shot, camera = on
+        if document.shot is not shot or view.camera is not camera:
+            self._gesture = None
+            if document.files.stage == stage:
+                gesture.release((0.0, 0.0))
+            else:
+                gesture.cancel()
 
     def take_color(self, at: At) -> None:
         """Takes the colour of the picture for the brush, scene-linear."""
@@ -277,19 +294,24 @@ class Canvas(QWidget):
             return Click(self._select, at)
         if easel.pointer == "eyedropper":
             return Click(self.take_color, at)
+        if self.document.shot is None:
+            return None
+        self._painted_on = self.document.files.stage, self.document.shot, easel.view.camera
         return Paint(self, at, pressure)
 
     def _press(self, button: Qt.MouseButton, held: Qt.KeyboardModifier, at: At, pressure: float = 1.0) -> None:
         self.setFocus(Qt.FocusReason.MouseFocusReason)
         if self._gesture is None:
-            self._gesture = self._gesture_of(button, held, at, pressure)
+            self._gesture, self._button = self._gesture_of(button, held, at, pressure), button
 
     def _move(self, held: Qt.KeyboardModifier, at: At, pressure: float = 1.0) -> None:
         self.overlay.point_at(at)
         if self._gesture is not None:
             self._gesture.move(at, pressure, bool(held & SHIFT))
 
-    def _release(self, at: At) -> None:
+    def _release(self, button: Qt.MouseButton, at: At) -> None:
+        if button != self._button:
+            return
         gesture, self._gesture = self._gesture, None
         if gesture is not None:
             gesture.release(at)
@@ -301,7 +323,7 @@ class Canvas(QWidget):
         self._move(event.modifiers(), _at(event.position()))
 
     def mouseReleaseEvent(self, event: QMouseEvent) -> None:
-        self._release(_at(event.position()))
+        self._release(event.button(), _at(event.position()))
 
     def tabletEvent(self, event: QTabletEvent) -> None:
         at, pressure = _at(event.position()), event.pressure()
@@ -310,11 +332,11 @@ class Canvas(QWidget):
         elif event.type() == QEvent.Type.TabletMove:
             self._move(event.modifiers(), at, pressure)
         else:
-            self._release(at)
+            self._release(event.button(), at)
         event.accept()  # else it comes again as a mouse event
 
     def wheelEvent(self, event: QWheelEvent) -> None:
-        if self.easel.view is not None:
+        if self.easel.view is not None and self._gesture is None:
             self.easel.look_from(dollied(self.easel.view, WHEEL * event.angleDelta().y() / 120))
 
     def contextMenuEvent(self, event: QContextMenuEvent) -> None:

@@ -44,7 +44,7 @@ class Filing(QObject):
 
     def open(self, files: Files) -> None:
         """Opens a shot, and strokes on it, on the worker; asks about what is not saved first."""
-        if self.may_leave():
+        if self.may_leave(lambda: self.open(files)):
             self._worker.start(Job("open", lambda: opening(files, self._options), self._take, self._fail))
 
     def open_shot(
@@ -63,7 +63,7 @@ class Filing(QObject):
             if camera is not None:
                 self._painting.look_through(camera(shot))
 
-        if self.may_leave():
+        if self.may_leave(lambda: self.open_shot(shot, strokes, camera)):
             steps = lambda: preparing(shot, Files(shot.path), tuple(strokes))  # noqa: E731
             self._worker.start(Job("open", steps, take, self._fail))
 
@@ -144,12 +144,18 @@ class Filing(QObject):
         def done(files: Files) -> None:
             self.autosave.forget()
             document.mark_saved(files, strokes)
+            if not document.is_saved:  # they go on being painted meanwhile
+                self.autosave.keep()
             then()
 
         self._worker.start(Job("save", lambda: saving(shot, found, strokes, files), done, self._fail))
 
-    def may_leave(self) -> bool:
-        """Asks about strokes that are not saved; returns whether they may be lost, or are being saved no more."""
+    def may_leave(self, then: Callable[[], object]) -> bool:
+        """Asks about strokes that are not saved; returns whether they may be lost.
+
+        Args:
+            then: what was to be done, done once they are saved where that is the answer.
+        """
         if self._document.is_saved or self._document.shot is None or not self.asks:
             return True
         asked = QMessageBox(QMessageBox.Icon.Question, words.TITLE, words.NOT_SAVED, parent=self._window)
@@ -158,7 +164,7 @@ class Filing(QObject):
         asked.setDefaultButton(Answer.Save)
         answer = Answer(asked.exec())
         if answer == Answer.Save:
-            self.save(then=self._window.close)
+            self.save(then)
             return False
         if answer == Answer.Discard:
             self.autosave.forget()

@@ -58,7 +58,7 @@ class Window(QMainWindow):
         self.docks: list[QDockWidget] = []
         self.painting = PaintingWidget(parent=self)
         self.document, self.easel, self.worker = self.painting.document, self.painting.easel, self.painting.worker
-        self.bar, self._progress = MessageBar(), ProgressRow()
+        self.bar, self._progress = MessageBar(self.painting), ProgressRow()
         self.filing = Filing(self.painting, self.bar, dict(options or {}), self)
         self.view_bar, self.timeline = ViewBar(self.painting), Timeline(self.document, self.worker)
         self._lay_out()
@@ -81,8 +81,7 @@ class Window(QMainWindow):
         layout = QVBoxLayout(middle)
         layout.setContentsMargins(0, 0, 0, 0)
         layout.setSpacing(0)
-        for each in (self.bar, self.view_bar):
-            layout.addWidget(each)
+        layout.addWidget(self.view_bar)
         layout.addWidget(self.painting, 1)
         layout.addWidget(self.timeline)
         self.setCentralWidget(middle)
@@ -94,9 +93,10 @@ class Window(QMainWindow):
         self.stage_panel, self.brush_panel = StagePanel(self.document), BrushPanel(self.document, self.easel)
         self.stage_panel.camera_chosen.connect(self.painting.look_through)
         left = self.add_panel(words.STAGE_PANEL, self.stage_panel, LEFT)
-        self.add_panel(words.BRUSH_PANEL, self.brush_panel, LEFT)
+        brush = self.add_panel(words.BRUSH_PANEL, self.brush_panel, LEFT)
         self._add_panels_of_strokes()
         self.resizeDocks([left], [330], Qt.Orientation.Horizontal)
+        self.resizeDocks([left, brush], [310, 630], Qt.Orientation.Vertical)
 
     def _add_panels_of_strokes(self) -> None:
         document, easel, canvas = self.document, self.easel, self.painting.canvas
@@ -115,7 +115,7 @@ class Window(QMainWindow):
         self.tabifyDockWidget(above, self.add_panel(panel_words.REVIEW_PANEL, self.review_panel, RIGHT))
         for each in (above, below):
             each.raise_()
-        self.resizeDocks([above, below], [570, 370], Qt.Orientation.Vertical)
+        self.resizeDocks([above, below], [600, 340], Qt.Orientation.Vertical)
         self.resizeDocks([above, below], [350, 350], Qt.Orientation.Horizontal)
 
     def add_panel(self, title: str, panel: QWidget, area: Qt.DockWidgetArea) -> QDockWidget:
@@ -162,7 +162,9 @@ class Window(QMainWindow):
         self.viewport_menu.triggered.connect(lambda _: self._drawn_by.setText(self.painting.canvas.kind.name))
         view.addMenu(self.viewport_menu)
         view.addMenu(self.view_bar.display_menu)
-        self.addActions([*self.view_bar.display_menu.channels.values(), self.view_bar.display_menu.reset])
+        shows = [*self.view_bar.display_menu.channels.values(), self.view_bar.display_menu.reset]
+        self.addActions(shows)
+        actions.list_too([*self.viewport_menu.actions(), *shows])
         self.legend = FalseColorLegend(self.easel, self.painting.canvas)
         add_panel_actions(actions, self.docks, self.painting.canvas)
         add_compare_actions(actions, self.comparison, self.compare_panel)
@@ -184,7 +186,7 @@ class Window(QMainWindow):
             action.setText(f"{words_of[0]} {what}".rstrip())
 
     def closeEvent(self, event: QCloseEvent) -> None:
-        if not self.filing.may_leave():
+        if not self.filing.may_leave(self.close):
             event.ignore()
             return
         self.compare_layer.stop()

@@ -1,0 +1,140 @@
+"""An artist who does not wait: what comes in the middle of a stroke, of a solve, of saving."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from kit.moving_stages import roll
+from kit.windows import LEFT, NOTHING, RIGHT, drag, opened, pixel, press, solved, wait_for
+from PySide6.QtCore import QPoint, QPointF, Qt, QTimer
+from PySide6.QtGui import QWheelEvent
+from PySide6.QtTest import QTest
+from PySide6.QtWidgets import QApplication, QLabel, QMessageBox
+
+from hydra_viewer.model.autosave import autosave_path
+from hydra_viewer.model.document import Files
+from hydra_viewer.ui import panel_words
+from hydra_viewer.ui.window import Window
+from usdslf import read_strokes
+
+ON_TABLE = [(0.45, 0.9), (0.5, 0.9), (0.55, 0.9)]
+LEFT_ON_TABLE = [(0.25, 0.9), (0.3, 0.9), (0.35, 0.9)]
+
+
+@pytest.fixture(scope="module")
+def window(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Window]:
+    stage = roll(tmp_path_factory.mktemp("shot"))
+    with opened(stage, stage.with_name("strokes.usda"), stage.with_name("look.usda")) as found:
+        yield found
+
+
+@pytest.fixture(autouse=True)
+def _afterwards_nothing_is_painted(window: Window) -> Iterator[None]:
+    yield
+    window.document.change_strokes("cleared", ())
+    window.painting.look_through(None)
+
+
+def release(window: Window, at: tuple[float, float], button: Qt.MouseButton = LEFT) -> None:
+    canvas = window.painting.canvas
+    QTest.mouseRelease(canvas, button, NOTHING, pixel(canvas, at))
+
+
+def wheel(window: Window, at: tuple[float, float]) -> None:
+    canvas = window.painting.canvas
+    there = QPointF(pixel(canvas, at))
+    event = QWheelEvent(
+        there, QPointF(canvas.mapToGlobal(there.toPoint())), QPoint(), QPoint(0, 120), Qt.MouseButton.LeftButton,
+        NOTHING, Qt.ScrollPhase.NoScrollPhase, False,
+    )  # fmt: skip
+    QApplication.sendEvent(canvas, event)
+
+
+def middle_of(window: Window, number: int) -> np.ndarray:
+    return np.asarray(window.document.strokes[number].points, np.float64).mean(0)
+
+
+def test_a_wheel_or_another_button_does_nothing_to_the_stroke_under_way(window: Window) -> None:
+    canvas, view = window.painting.canvas, window.easel.view
+    press(canvas, ON_TABLE[:2])
+    wheel(window, ON_TABLE[1])
+    QTest.mousePress(canvas, RIGHT, NOTHING, pixel(canvas, ON_TABLE[1]))
+    release(window, ON_TABLE[1], RIGHT)
+    assert window.easel.view is view and not window.document.strokes  # it goes on
+    release(window, ON_TABLE[2])
+    assert len(window.document.strokes) == 1
+
+
+def test_a_stroke_is_on_what_was_seen_when_the_camera_goes(window: Window) -> None:
+    drag(window.painting.canvas, ON_TABLE)
+    where = middle_of(window, 0)
+    press(window.painting.canvas, ON_TABLE)
+    window.document.select("/World/box")
+    QTest.keyClick(window, Qt.Key.Key_F)  # in mid-stroke
+    assert len(window.document.strokes) == 2  # it ended there
+    release(window, LEFT_ON_TABLE[2])
+    assert len(window.document.strokes) == 2
+    np.testing.assert_allclose(middle_of(window, 1), where, atol=0.02)
+
+
+def test_a_stroke_is_on_the_frame_that_was_seen(window: Window) -> None:
+    shot = window.document.shot
+    press(window.painting.canvas, ON_TABLE)
+    window.timeline.box.setValue(3.0)
+    wait_for(lambda: window.document.shot is not shot)
+    assert len(window.document.strokes) == 1
+    release(window, ON_TABLE[2])
+    assert len(window.document.strokes) == 1
+    solved(window)
+    window.timeline.box.setValue(1.0)
+    wait_for(lambda: window.document.shot.scene.frame == 1.0 and window.worker.is_idle)
+
+
+def test_what_is_said_moves_no_picture(window: Window) -> None:
+    size = window.painting.canvas.size()
+    window.bar.say("a sentence that is said while somebody paints")
+    QApplication.processEvents()
+    assert window.bar.isVisible() and window.painting.canvas.size() == size
+    window.bar.hide()
+
+
+def test_a_solve_that_was_cancelled_is_not_said_to_go_on(window: Window) -> None:
+    said = lambda: [label.text() for label in window.understanding_panel.findChildren(QLabel)]  # noqa: E731
+    drag(window.painting.canvas, ON_TABLE)
+    assert panel_words.LOOKING in said()
+    window.worker.cancel()
+    wait_for(lambda: panel_words.NOT_LOOKED in said(), 5)
+    QTest.keyClick(window, Qt.Key.Key_R, Qt.KeyboardModifier.ControlModifier)
+    solved(window)
+    assert panel_words.NOT_LOOKED not in said()
+
+
+def test_what_is_painted_while_the_rest_is_saved_is_kept_on_the_disk(window: Window) -> None:
+    drag(window.painting.canvas, ON_TABLE)
+    window.filing.save()
+    drag(window.painting.canvas, LEFT_ON_TABLE)
+    window.filing.autosave.flush()
+    saved = Path(window.document.files.strokes)
+    wait_for(lambda: saved.is_file() and window.worker.is_idle)
+    assert len(read_strokes(saved)) == 1 and not window.document.is_saved
+    window.filing.autosave.flush()
+    assert len(read_strokes(autosave_path(window.document.files))) == 2
+
+
+def test_another_shot_is_opened_once_the_strokes_are_saved(window: Window) -> None:
+    files = window.document.files
+    other = roll(Path(files.stage).parent / "other")
+    drag(window.painting.canvas, ON_TABLE)
+
+    def save() -> None:
+        box = QApplication.activeModalWidget()
+        assert isinstance(box, QMessageBox)
+        box.button(QMessageBox.StandardButton.Save).click()
+
+    QTimer.singleShot(50, save)
+    window.filing.open(Files(str(other)))
+    wait_for(lambda: window.document.files.stage == str(other), 60)
+    assert window.isVisible() and len(read_strokes(files.strokes)) == 1
