@@ -153,5 +153,5 @@ class HydraViewport(QObject):
 
 def hydra_kinds() -> list[ViewportKind]:
     """Returns a kind of viewport for each installed render delegate, Storm first."""
-    several = delegates()
-    return [ViewportKind(words.hydra_viewport(d.name), partial(HydraViewport, delegate=d.id)) for d in several]
+    made = {words.hydra_viewport(d.name): partial(HydraViewport, delegate=d.id) for d in delegates()}
+    return [ViewportKind(name, make, needs_look=True) for name, make in made.items()]

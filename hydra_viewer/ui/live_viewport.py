@@ -119,6 +119,8 @@ class LiveViewport(QObject):
         if shown is None:
             self._pixels = self._shown = None
             self._screen.show_image(None)
+        elif _looks_alike(shown, self._wanted.shown):
+            return  # it is written as a look now, which changes no picture
         self._want(shown=shown)
 
     def let_go(self) -> None:
@@ -287,6 +289,10 @@ class _Painter:
         """Whether the picture at hand needs a change of materials only, which is quick at full size."""
         is_there = self._shown is not None and wanted.shown is not None
         return self._is_of(wanted, size) and is_there and _is_same_geometry(self._shown, wanted.shown)  # type: ignore
+
+
+def _looks_alike(a: Shown, b: Shown | None) -> bool:
+    return b is not None and a.shot is b.shot and a.edited is b.edited and a.is_lit == b.is_lit
 
 
 def _is_same_geometry(a: Shown, b: Shown) -> bool:

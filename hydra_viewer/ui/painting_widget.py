@@ -52,7 +52,7 @@ class PaintingWidget(QWidget):
         collect_here()
         self.document, self.easel, self.worker = Document(), Easel(), Worker(self)
         self.canvas = Canvas(self.document, self.easel, self.worker, viewport, self)
-        self.solving = Solving(self.document, self.worker, self)
+        self.solving = Solving(self.document, self.worker, lambda: self.canvas.kind.needs_look, self)
         self.canvas.failed.connect(self.failed)
         self.canvas.noted.connect(self.noted)
         self.solving.failed.connect(self.failed)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tempfile
+from collections.abc import Callable
 from pathlib import Path
 
 from PySide6.QtCore import QObject, QTimer, Signal
@@ -26,9 +27,16 @@ class Solving(QObject):
     failed = Signal(str)
     found = Signal()
 
-    def __init__(self, document: Document, worker: Worker, parent: QObject | None = None) -> None:
+    def __init__(
+        self, document: Document, worker: Worker, needs_look: Callable[[], bool], parent: QObject | None = None
+    ) -> None:  # fmt: skip
+        """Solves nothing yet.
+
+        Args:
+            needs_look: whether the picture shows nothing of what was found until the look is written.
+        """
         super().__init__(parent)
-        self._document, self._worker = document, worker
+        self._document, self._worker, self._needs_look = document, worker, needs_look
         self._folder = tempfile.TemporaryDirectory(prefix="usdslf-looks-")
         document.strokes_changed.connect(self.solve)
         document.shot_changed.connect(self._on_shot_changed)
@@ -53,8 +61,9 @@ class Solving(QObject):
             self._take(None)
             return
         self._worker.cancel(WARM)
-        folder = Path(self._folder.name)
-        self._worker.start(Job(KIND, lambda: finding(shot, strokes, folder), self._take, self._fail, self._take))
+        folder, is_look_first = Path(self._folder.name), self._needs_look()
+        steps = lambda: finding(shot, strokes, folder, is_look_first)  # noqa: E731
+        self._worker.start(Job(KIND, steps, self._take, self._fail, self._take))
 
     def solve_again(self) -> None:
         """Finds anew what the strokes ask for, also where that was found already."""

@@ -118,8 +118,10 @@ class ViewportKind:
         name: of the menu's entry.
         make: returns a new one, a child of a widget.
         why_not: a sentence where it cannot be used here; "" where it can.
+        needs_look: it shows nothing of what was found until the look is written.
     """
 
     name: str
     make: Callable[[QWidget], Viewport]
     why_not: str = ""
+    needs_look: bool = False

@@ -39,9 +39,9 @@ def painted(shot: Shot, **more: str) -> Stroke:
     )
 
 
-def found_of(shot: Shot, stroke: Stroke, folder: Path) -> tuple[Found, ...]:
+def found_of(shot: Shot, stroke: Stroke, folder: Path, is_look_first: bool = True) -> tuple[Found, ...]:
     """All that is told of a stroke, what comes last too."""
-    steps, told = finding(shot, (stroke,), folder), list[Found]()
+    steps, told = finding(shot, (stroke,), folder, is_look_first), list[Found]()
     while True:
         try:
             part = next(steps)
@@ -65,6 +65,14 @@ def test_the_answer_comes_before_its_light_and_both_before_the_look(case: Case) 
     assert [f.is_whole for f in case.told] == [False] * 5 + [True]
 
 
+def test_the_light_comes_before_the_look_where_the_picture_needs_none(case: Case, tmp_path: Path) -> None:
+    told = found_of(case.shot, case.told[-1].strokes[0], tmp_path, is_look_first=False)
+    assert [(f.shot is not None, f.look is not None, f.is_lit) for f in told[-3:]] == [
+        (True, False, False), (True, False, True), (True, True, True),
+    ]  # fmt: skip
+    assert told[-1].shot is told[-2].shot is told[-3].shot
+
+
 def test_the_first_answer_is_what_the_whole_one_refines(case: Case) -> None:
     first, last = (understood(case.shot, f)[0] for f in (case.told[0], case.told[-1]))
     assert first.material == last.material and first.chosen.id == last.chosen.id
@@ -79,6 +87,15 @@ def test_what_is_shown_before_there_is_a_look_is_what_usd_shows_with_it(case: Ca
     assert look_alike(read, before.scene.materials) and not look_alike(read, case.shot.scene.materials)
     assert last.shot is before  # so it stays, and its light is not made twice
     assert last.look.over(case.shot, case.shot) is not case.shot
+
+
+def test_a_look_is_read_once(case: Case, monkeypatch: pytest.MonkeyPatch) -> None:
+    def not_again(*_: object, **__: object) -> None:
+        raise AssertionError("the look is read again")
+
+    last, before = case.told[-1], case.told[3].shot
+    monkeypatch.setattr("usdslf.shot.read_scene", not_again)
+    assert last.look.over(case.shot, before) is before
 
 
 def test_its_light_is_that_of_the_look(case: Case) -> None:
