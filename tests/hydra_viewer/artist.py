@@ -36,6 +36,7 @@ from hydra_viewer.model.document import Files  # noqa: E402
 from hydra_viewer.ui import panel_words  # noqa: E402
 from hydra_viewer.ui.application import make_application  # noqa: E402
 from hydra_viewer.ui.cheat_sheet import CheatSheet  # noqa: E402
+from hydra_viewer.ui.explaining import GROUPS  # noqa: E402
 from hydra_viewer.ui.window import Window  # noqa: E402
 from usdslf import read_strokes  # noqa: E402
 from usdslf.review.verdict import read_verdict  # noqa: E402
@@ -109,8 +110,8 @@ class Artist:
         window, canvas = self.window, self.window.painting.canvas
         shares = [0.0]
         tell = canvas.progress.connect(shares.append)
-        self.wait(lambda: window.worker.is_idle and window.document.is_solved and window.explaining.is_current)
-        self.wait(lambda: not window.explaining.is_making_pictures)
+        self.wait(lambda: window.worker.is_idle and window.document.is_shown and window.explaining.is_current)
+        self.wait(lambda: not (window.worker.is_doing(GROUPS) or window.explaining.is_making_pictures))
         shares.append(0.0)
         window.easel.view_changed()  # the picture is asked for once more, and tells how far it is
         self.wait(lambda: canvas.viewport.pixels() is not None and shares[-1] > SHARE)
@@ -185,7 +186,8 @@ def make_dome_small(stage: Path) -> None:
     """Gives a shot's dome a small picture: a processor that stands in for a GPU filters a large one for minutes."""
     opened = Usd.Stage.Open(str(stage))
     texture = opened.GetPrimAtPath(DOME).GetAttribute("inputs:texture:file")
-    small = OpenImageIO.ImageBufAlgo.resize(OpenImageIO.ImageBuf(texture.Get().resolvedPath), roi=ROI)
+    large = OpenImageIO.ImageBuf(texture.Get().resolvedPath)
+    small = OpenImageIO.ImageBufAlgo.resize(large, filtername="triangle", roi=ROI)  # which makes nothing negative
     file = stage.with_name("small.exr")
     assert small.write(str(file))
     texture.Set(str(file))

@@ -20,6 +20,15 @@ def _what_windows_left_is_freed() -> Iterator[None]:
         sys.modules["hydra_viewer.ui.collector"].collect_anywhere()
 
 
+@pytest.fixture(autouse=True)
+def _nothing_fails_in_an_event(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """What is raised while Qt paints or calls back ends no test by itself."""
+    failed: list[BaseException] = []
+    monkeypatch.setattr(sys, "excepthook", lambda kind, error, trace: failed.append(error))
+    yield
+    assert failed == []
+
+
 @pytest.fixture(scope="session")
 def display() -> Iterator[dict[str, str]]:
     """The environment of processes that show windows."""
