@@ -134,11 +134,15 @@ def _reflect_anew(field: LightField, rows: NDArray) -> None:
     kernel = lambda name: device.kernel("renewal", name, BLOCK=BLOCK, **constants_of(field.outgoing_d))  # noqa: E731
     rows_d, next_d, blocks = device.upload(rows.astype(np.int32)), field.next_d, D // BLOCK**2
     field.reflect(blocks_of_surface(device, field.surface, field.model, rows))
-    change_d, arriving_d = device.zeros((n, blocks, 4), np.float32), device.empty((n, 2), np.float32)
+    change_d, arriving_d = device.zeros((1 + count, blocks, 4), np.float32), device.empty((n, 2), np.float32)
+    row_of = np.zeros(n, np.int32)
+    row_of[rows] = 1 + np.arange(count)
     kernel("take_rows")(
         (_up(count * blocks),), (GROUP,), rows_d, np.uint32(count * blocks), next_d, field.outgoing_d, change_d
     )
-    kernel("arriving_change")((_up(n),), (GROUP,), field.hit_d, change_d, field.cosine_d, np.uint32(n), arriving_d)
+    kernel("arriving_change")(
+        (_up(n),), (GROUP,), field.hit_d, device.upload(row_of), change_d, field.cosine_d, np.uint32(n), arriving_d
+    )
     if field.renewed is not None:
         field.renewed.append(rows)
     field.waits[rows] = 0
