@@ -10,7 +10,7 @@ from kit.scene_records import box, lamp, quad
 from usdslf.gpu.device import Device
 from usdslf.light_field.light_field import LightField
 from usdslf.light_field.links import BLOCKED, ESCAPES
-from usdslf.light_field.renewal import BLOCK, renew, seen_from
+from usdslf.light_field.renewal import BLOCK, renew
 from usdslf.light_field.surface import Surface, albedo, changed_rows
 from usdslf.sampling.hemisphere import SIDE, D
 
@@ -134,16 +134,6 @@ def test_what_does_not_matter_waits(room: LightField) -> None:
     assert np.abs(outgoing(field) - exact).sum() < 1e-4 * exact.sum()
 
 
-def test_elements_matter_by_their_share_of_the_rays(room: LightField) -> None:
-    links = np.array([[3 << 10 | 7, 5 << 10], [3 << 10, ESCAPES], [BLOCKED, 3 << 10]], np.uint32)
-    weights = np.array([[0.75, 0.25], [1.0, 9.0], [9.0, 0.5]], np.float32)
-    reflects = np.full(10, 0.5)
-    got = seen_from(links, weights, reflects)
-    direct = np.zeros(10)
-    direct[[3, 5]] = 2.25, 0.25
-    np.testing.assert_allclose(got, direct + 2.5 * 0.5 / 0.5 / 10)
-
-
 def test_what_arrives_of_a_change_is_summed_and_sized(device: Device) -> None:
     """Random rows, links and light, against numpy."""
     rng, n, rows = np.random.default_rng(5), 6, np.array([1, 3, 4])
@@ -163,8 +153,9 @@ def test_what_arrives_of_a_change_is_summed_and_sized(device: Device) -> None:
     row_of = np.zeros(n, np.int32)
     row_of[rows] = 1 + np.arange(len(rows))
     kernel("arriving_change")(
-        (64,), (64,), device.upload(hit), device.upload(row_of), change_d, device.upload(cosine), np.uint32(n), arriving_d
-    )
+        (64,), (64,), device.upload(hit), device.upload(row_of), change_d, device.upload(cosine), np.uint32(n),
+        arriving_d,
+    )  # fmt: skip
     taken = old.copy()
     taken[rows] = new[rows]
     np.testing.assert_array_equal(device.download(outgoing_d), taken)

@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 from usdslf.inference.footprint import Mixture, footprint, is_of_picture, mixed_footprint
 from usdslf.inference.pictured import Pictured
 from usdslf.inference.sample_rays import LOBE_ROUGHNESS, Points, RayLight, Trace, trace_rays
+from usdslf.light_field.importance import seen_from
 from usdslf.light_field.light_field import LightField
-from usdslf.light_field.renewal import seen_from
-from usdslf.light_field.surface import albedo
 from usdslf.lights.sources import LightSet
 from usdslf.sampling.frames import frames_about
 from usdslf.scene.records import Scene
@@ -52,7 +51,7 @@ class Samples:
     def sees(self, field: LightField) -> NDArray[np.float64]:
         """Returns how much each element (N,) matters to what is seen here."""
         links, weights = (field.device.download(x) for x in (self.light.links_d, self.light.weights_d))
-        found = seen_from(links, weights, albedo(field.surface))
+        found = seen_from(field, links, weights)
         return found if self.beside is None or self.beside.samples is None else found + self.beside.samples.sees(field)
 
 

@@ -13,7 +13,7 @@ of how much its mean radiance would change, dL and |dL| as means over BLOCK x BL
 cosines of its D bins, of sum 1, rho its albedo, even EVEN of its diffuse part: that sees the sum of light alone, in
 which what is redirected is not lost.  In each bounce those that matter least wait, as long as
 
-    sum_e m_e w_e < tolerance sum_e m_e |L_e|       m: how much an element matters, 1 or `seen_from`
+    sum_e m_e w_e < tolerance sum_e m_e |L_e|       m: how much an element matters, 1 or as of importance.py
 
 together; what waits is not forgotten, so that small steps add up.  An element that is renewed is exact for the light of
 now, whatever waited: nothing drifts.
@@ -30,7 +30,6 @@ from numpy.typing import NDArray
 
 from usdslf.light_field.blocks import blocks_of_surface
 from usdslf.light_field.light_field import LightField
-from usdslf.light_field.links import element_of, is_link
 from usdslf.light_field.storage import constants_of
 from usdslf.light_field.surface import CHANGED, Surface, albedo, changed_rows, diffuse_albedo, relative_changes
 from usdslf.progress import tell
@@ -96,22 +95,6 @@ def foreseen(field: LightField, surface: Surface, matters: NDArray) -> float:
         return float("inf")
     light = float(matters @ field.sent)
     return float((matters[rows] * change) @ field.sent_by(rows)) / light if light > 0 else 0.0
-
-
-def seen_from(links: NDArray, weights: NDArray, reflects: NDArray) -> NDArray[np.float64]:
-    """Returns how much elements (N,) matter to who sees them along rays, by their share of the rays.
-
-    Light that comes by way of others is as if it came from everywhere: all elements share alike in what those that are
-    seen reflect.
-
-    Args:
-        links, weights: (n, BLEND) of the rays; may be several rays' of several strokes, one after another.
-        reflects: (N,) albedo of the elements.
-    """
-    named = is_link(links)
-    share = np.bincount(element_of(links[named]), weights[named], minlength=len(reflects)).astype(np.float64)
-    reflected = float(share @ reflects) / max(1 - float(reflects.mean()), 0.1)
-    return share + reflected / len(reflects)
 
 
 def _weighed(waits: NDArray, weight: NDArray) -> NDArray[np.float64]:
