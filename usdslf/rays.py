@@ -28,7 +28,7 @@ from usdslf.threads import Work, map_ahead, thread_count
 LEAST_COSINE = 0.005  # rays that a shading normal sends below the surface leave it at this angle
 FAR = np.float32(1e37)  # Embree's "no limit"
 CHUNK = 16384  # rays of one run: their records stay in the second-level cache
-BLOCK = 32768  # triangles that are handed to Embree in one call, which holds the GIL for some 50 ms
+BLOCK = 8192  # triangles that are handed to Embree in one call, which holds the GIL for some 12 ms
 MAX_LAYERS = 32  # see-through surfaces that a ray may pass
 ULPS = 16.0  # offset of ray origins, in units of the last place of the coordinates
 MOST = 0.8  # share of rows that are rays, above which the others are traced with them

@@ -110,6 +110,7 @@ class BrushPanel(QWidget):
             "mode": self._choice("mode", MODES), "scope": self._choice("scope", SCOPES),
             "norm": self._choice("norm", NORMS), "space": self._choice("space", SPACES),
         }  # fmt: skip
+        self.palette_row.show_colors(PALETTE, [""] * len(PALETTE))  # there before a shot is, which is to be quick
         self._lay_out()
         self.picker.picked.connect(self._on_picked)
         self.recent.taken.connect(lambda n: self._take(self._easel.brush.recent, n))

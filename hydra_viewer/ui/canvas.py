@@ -127,7 +127,7 @@ class Canvas(QWidget):
 
     def stop(self) -> None:
         """Ends the viewport's threads."""
-        self.viewport.stop()
+        self.viewport.finish()
 
     def hold(self, is_held: bool) -> None:
         """Leaves the processor to other work; see `Viewport.hold`."""

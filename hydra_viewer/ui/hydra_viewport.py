@@ -133,6 +133,10 @@ class HydraViewport(QObject):
         self._renderer.failed.disconnect()
         self._renderer.stop()
 
+    def finish(self) -> None:
+        """Ends the thread, as `stop` does: it is kept until then."""
+        self.stop()
+
     def _on_ended(self) -> None:
         _KEPT.discard(self)
 

@@ -82,6 +82,9 @@ class _Screen(QWidget):
             self.resized.emit()
 
 
+_KEPT: set[LiveViewport] = set()  # those whose thread may still work
+
+
 class LiveViewport(QObject):
     """The live picture as a viewport; see `viewport.Viewport`."""
 
@@ -91,13 +94,15 @@ class LiveViewport(QObject):
     progress = Signal(float)
     _resized = Signal()
     _made = Signal(object, float)
+    _ended = Signal()
 
     def __init__(self, parent: QWidget) -> None:
-        super().__init__(parent)
+        super().__init__()  # it outlives the widget until its thread has ended
         self._screen = _Screen(parent)
         self._screen.resized = self._resized
         self._resized.connect(self._take_size)
         self._made.connect(self._show)
+        self._ended.connect(self._on_ended)
         self._pixels: NDArray | None = None
         self._shown: Shown | None = None  # what the picture on the screen is of
         self._wanted, self._is_new, self._is_stopped = _Wanted(), False, False
@@ -105,7 +110,8 @@ class LiveViewport(QObject):
         self._painter = _Painter(self)
         self._thread = threading.Thread(target=self._work, name="viewer-picture", daemon=True)
         self._thread.start()
-        stop_at_exit(self.stop)
+        _KEPT.add(self)
+        stop_at_exit(self.finish)
 
     @property
     def widget(self) -> QWidget:
@@ -146,7 +152,11 @@ class LiveViewport(QObject):
         with self._condition:
             self._is_stopped = self._is_new = True
             self._condition.notify()
+
+    def finish(self) -> None:
+        self.stop()
         self._thread.join(timeout=10)
+        _KEPT.discard(self)
 
     # ── on the main thread ─────────────────────────────────────────────────────────────────────
 
@@ -160,7 +170,12 @@ class LiveViewport(QObject):
             self._is_new = True
             self._condition.notify()
 
+    def _on_ended(self) -> None:
+        _KEPT.discard(self)
+
     def _show(self, picture: tuple[Shown, NDArray, QImage], share: float) -> None:
+        if self._is_stopped:  # it was on its way
+            return
         self._shown, self._pixels, image = picture
         self._screen.show_image(image)
         self.changed.emit()
@@ -175,7 +190,7 @@ class LiveViewport(QObject):
                 while not self._is_new:
                     self._condition.wait()
                 if self._is_stopped:
-                    return
+                    break
                 wanted, self._is_new = self._wanted, False
             if not wanted.is_whole:
                 self._painter.forget()
@@ -186,6 +201,8 @@ class LiveViewport(QObject):
                 self.failed.emit(str(error))
             except Exception as error:  # a picture that cannot be made is no reason to lose the window
                 self.failed.emit(words.internal(error))
+        self._painter.forget()
+        self._ended.emit()
 
     def is_stale(self) -> bool:
         """Whether something else is wanted by now."""

@@ -6,12 +6,13 @@ It takes no events; the canvas below it does.
 from __future__ import annotations
 
 import time
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from PySide6.QtCore import QPointF, QRect, QRectF, Qt, QTimer
+from PySide6.QtCore import QPointF, QRect, QRectF, QSize, Qt, QTimer
 from PySide6.QtGui import QColor, QImage, QPainter, QPainterPath, QPaintEvent, QPen, QPixmap, QPolygonF
 from PySide6.QtWidgets import QWidget
 
@@ -27,7 +28,45 @@ if TYPE_CHECKING:
 
 RING = 48  # corners of the brush's ring
 LEAST_PRESSURE = 0.1
-LAYING = 0.02  # seconds at a time in which strokes are laid on the picture
+LAYING, DRAWING = 0.015, 0.01  # seconds at a time in which strokes are laid on the picture, and drawn
+
+
+@dataclass(frozen=True, eq=False)
+class _Layer:
+    """Strokes that are drawn.
+
+    Attributes:
+        view: camera and size that they are drawn for.
+        looks: marks and colour of each.
+        picture: with all of them.
+    """
+
+    view: tuple[object, ...]
+    looks: list[tuple[Marks, int]]
+    picture: QPixmap
+
+    @staticmethod
+    def of(view: tuple[object, ...], size: QSize, ratio: float) -> _Layer:
+        """Returns one with nothing drawn."""
+        picture = QPixmap(size * ratio)
+        picture.setDevicePixelRatio(ratio)
+        picture.fill(Qt.GlobalColor.transparent)
+        return _Layer(view, [], picture)
+
+    def begins(self, view: tuple[object, ...], looks: list[tuple[Marks, int]]) -> bool:
+        """Whether what is wanted begins with what is drawn."""
+        return self.view == view and self.looks == looks[: len(self.looks)]
+
+    def going_on(self, drawn: list[tuple[Marks, QColor | None]], looks: list[tuple[Marks, int]]) -> _Layer:
+        """Returns one with more of what is wanted, as much as is quick."""
+        picture, done, until = QPixmap(self.picture), len(self.looks), time.perf_counter() + DRAWING
+        painter = QPainter(picture)
+        painter.setRenderHint(QPainter.RenderHint.Antialiasing)
+        while done < len(drawn) and (done == len(self.looks) or time.perf_counter() < until):
+            draw_marks(painter, *drawn[done])
+            done += 1
+        painter.end()
+        return _Layer(self.view, looks[:done], picture)
 
 
 class Overlay(QWidget):
@@ -55,8 +94,7 @@ class Overlay(QWidget):
         self._colors: dict[tuple[float, ...], QColor] = {}
         for announcer in (document.shot_changed, easel.display_changed):
             announcer.connect(self._colors.clear)
-        self._layer: QPixmap | None = None
-        self._layer_as: tuple[object, ...] = ()
+        self._layer = self._next_layer = _Layer((), [], QPixmap())  # what is shown, and what is being drawn
         for announcer in (document.strokes_changed, easel.brush_changed, easel.drawn_changed):
             announcer.connect(self.update)
 
@@ -132,23 +170,26 @@ class Overlay(QWidget):
     # ── strokes ────────────────────────────────────────────────────────────────────────────────
 
     def _strokes_drawn(self, camera: Camera) -> QPixmap:
-        """The strokes, drawn anew only where they look otherwise than before."""
+        """The strokes, drawn anew only where they look otherwise than before.
+
+        As many as are quick: the others follow at once, and until then those that were drawn before stay.
+        """
         drawn = [
             (m, self._paint_of(m)) for m in self._marks(camera)
             if self._easel.drawn != "hidden" or self._is_awaited(m.stroke)
         ]  # fmt: skip
-        ratio = self.devicePixelRatioF()
-        key = self._laid_as, ratio, tuple((m, paint.rgba() if paint is not None else 0) for m, paint in drawn)
-        if key != self._layer_as or self._layer is None:
-            self._layer, self._layer_as = QPixmap(self.size() * ratio), key
-            self._layer.setDevicePixelRatio(ratio)
-            self._layer.fill(Qt.GlobalColor.transparent)
-            painter = QPainter(self._layer)
-            painter.setRenderHint(QPainter.RenderHint.Antialiasing)
-            for marks, paint in drawn:
-                draw_marks(painter, marks, paint)
-            painter.end()
-        return self._layer
+        view = *self._laid_as, self.devicePixelRatioF()
+        looks = [(m, paint.rgba() if paint is not None else 0) for m, paint in drawn]
+        layers = [each for each in (self._next_layer, self._layer) if each.begins(view, looks)]
+        layer = layers[0] if layers else _Layer.of(view, self.size(), self.devicePixelRatioF())
+        if len(layer.looks) < len(looks):
+            layer = layer.going_on(drawn, looks)
+        self._next_layer = layer
+        if len(layer.looks) == len(looks) or self._layer.view != view:
+            self._layer = layer
+        if len(layer.looks) < len(looks):
+            QTimer.singleShot(0, self, self.update)
+        return self._layer.picture
 
     def _marks(self, camera: Camera) -> list[Marks]:
         """The strokes on the picture; those that are new, or all where the camera moved, are laid.

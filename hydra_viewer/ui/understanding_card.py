@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from PySide6.QtCore import QEvent, QObject, Qt, Signal
+from PySide6.QtCore import Qt, Signal
 from PySide6.QtGui import QColor
 from PySide6.QtWidgets import (
     QGridLayout,
@@ -204,10 +204,9 @@ class UnderstandingCard(QWidget):
 
     def _add_scope(self) -> None:
         self._layout.addWidget(_dim(words.SCOPE_TITLE))
-        row, self.scopes = choice_row(self, SCOPES, words.SCOPES, self.scope_chosen.emit)
+        row, self.scopes = choice_row(self, SCOPES, words.SCOPES, self.scope_chosen.emit, look_at=self._look_at)
         for button in self.scopes.values():
             button.setProperty("isTight", True)
-            button.installEventFilter(self)
         self.scopes[self.group.scope].setChecked(True)
         self._layout.addLayout(row)
         if self.group.sharing and self.group.scope in ("material", "similar"):
@@ -215,14 +214,9 @@ class UnderstandingCard(QWidget):
             shared.setToolTip("\n".join(self.group.sharing[:20]))
             self._layout.addWidget(shared)
 
-    def eventFilter(self, watched: QObject, event: QEvent) -> bool:
+    def _look_at(self, scope: str) -> None:
         """A scope that is pointed at, or has the focus, is shown on the picture."""
-        for scope, button in self.scopes.items():
-            if watched is button and event.type() in (QEvent.Type.Enter, QEvent.Type.FocusIn):
-                self.scope_looked_at.emit(scope)
-            elif watched is button and event.type() in (QEvent.Type.Leave, QEvent.Type.FocusOut):
-                self.scope_looked_at.emit("")
-        return False
+        self.scope_looked_at.emit(scope)
 
     # ── what else changes ──────────────────────────────────────────────────────────────────────
 

@@ -107,7 +107,10 @@ class Viewport(Protocol):
         """Returns what is shown (h, w, 3), scene-linear in the working space, of any size; None: nothing yet."""
 
     def stop(self) -> None:
-        """Ends its threads and gives back what it holds; nothing is called afterwards."""
+        """Ends its threads after what they are about, and gives back what it holds; waits for nothing."""
+
+    def finish(self) -> None:
+        """Stops before the window goes, and waits for threads that nobody else waits for."""
 
 
 @dataclass(frozen=True)

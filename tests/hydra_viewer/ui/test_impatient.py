@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import threading
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
 from kit.moving_stages import roll
-from kit.windows import LEFT, NOTHING, RIGHT, drag, opened, pixel, press, solved, wait_for
+from kit.windows import LEFT, NOTHING, RIGHT, drag, opened, pixel, press, wait_for
 from PySide6.QtCore import QPoint, QPointF, Qt, QTimer
 from PySide6.QtGui import QWheelEvent
 from PySide6.QtTest import QTest
@@ -17,6 +19,7 @@ from PySide6.QtWidgets import QApplication, QLabel, QMessageBox
 from hydra_viewer.model.autosave import autosave_path
 from hydra_viewer.model.document import Files
 from hydra_viewer.ui import panel_words
+from hydra_viewer.ui.live_viewport import LIVE
 from hydra_viewer.ui.window import Window
 from usdslf import read_strokes
 
@@ -88,9 +91,37 @@ def test_a_stroke_is_on_the_frame_that_was_seen(window: Window) -> None:
     assert len(window.document.strokes) == 1
     release(window, ON_TABLE[2])
     assert len(window.document.strokes) == 1
-    solved(window)
+    window.document.change_strokes("cleared", ())
     window.timeline.box.setValue(1.0)
-    wait_for(lambda: window.document.shot.scene.frame == 1.0 and window.worker.is_idle)
+    wait_for(lambda: window.document.shot.scene.frame == 1.0)
+
+
+def test_many_strokes_are_drawn_a_few_at_a_time_and_all_in_the_end(
+    window: Window, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    overlay, drawn = window.painting.canvas.overlay, list[object]()
+    monkeypatch.setattr("hydra_viewer.ui.overlay.DRAWING", 0.0)  # one at a time
+    monkeypatch.setattr("hydra_viewer.ui.overlay.draw_marks", lambda painter, marks, paint: drawn.append(marks.stroke))
+    for path in (ON_TABLE, LEFT_ON_TABLE, ON_TABLE):
+        drag(window.painting.canvas, path)
+    before = len(drawn)
+    overlay.repaint()
+    assert len(drawn) <= before + 1
+    wait_for(lambda: {id(s) for s in window.document.strokes} <= {id(s) for s in drawn}, 20)
+
+
+def test_a_change_of_viewport_waits_for_no_thread(window: Window) -> None:
+    canvas, before = window.painting.canvas, window.painting.canvas.viewport
+    busy = threading.Event()
+    before._painter.paint = lambda wanted: busy.wait(20)  # a picture that takes long
+    window.easel.view_changed()
+    began = time.monotonic()
+    canvas.use_viewport(LIVE)
+    assert time.monotonic() - began < 1 and before._thread.is_alive()
+    busy.set()
+    before._thread.join(20)
+    assert not before._thread.is_alive()
+    wait_for(lambda: canvas.viewport.pixels() is not None)
 
 
 def test_what_is_said_moves_no_picture(window: Window) -> None:
@@ -108,7 +139,7 @@ def test_a_solve_that_was_cancelled_is_not_said_to_go_on(window: Window) -> None
     window.worker.cancel()
     wait_for(lambda: panel_words.NOT_LOOKED in said(), 5)
     QTest.keyClick(window, Qt.Key.Key_R, Qt.KeyboardModifier.ControlModifier)
-    solved(window)
+    wait_for(lambda: window.explaining.is_current)
     assert panel_words.NOT_LOOKED not in said()
 
 
