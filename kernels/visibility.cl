@@ -1,12 +1,17 @@
 /* visibility.cl: the operator G.  Names, for each ray that left an element, the element and bin it arrives at.
  *
+ *     rays_of_bins      origins and directions, from which they are traced
+ *     entries_of_hits   the cell of the surface that each met
+ *     nearest_of_hits   the element nearest to the hit, and the ray in its frame
+ *     pack_hits         that element and the bin that points back along the ray
+ *
  * Nguyen et al. 2013, 6.1; what their splats decide in screen space, the cells of lookup.cl decide on the surface.
- * Written without branches, so that a CPU puts work-items into its lanes.
+ * Four kernels and not one: all but the third have no branches, so that a CPU puts work-items into its lanes, and few
+ * reads at random, so that it waits for many of them at once.  The third reads whole rows, one work-item at a time.
  */
 #include "links.cl"
 
-#define COMPARED 4  /* elements of an entry that are compared; the nearest is one of them 1999 times in 2000 */
-#define DISTANCE_BITS 0xfffffff8u
+#define DISTANCE_BITS 0xfffffffcu /* of the four elements of an entry that are compared: the nearest is one of them 1999 times in 2000 */
 
 /* bin of a local direction of any length as bin_of does, below the horizon its rim, without calls
  * atan on 0..1: Abramowitz and Stegun's form, refitted, within 2e-6 */
@@ -30,34 +35,22 @@ inline uint bin_of_lane(float x, float y, float z)
     return LESSER(iy, SIDE - 1) * SIDE + LESSER(ix, SIDE - 1);
 }
 
-/* count             rays of this batch, elements in order, D each
- * ray               (n) element * D + bin of each
+/* ray               (n) element * D + bin of each
  * least             least cosine between a ray and the true normal, to which lower rays are lifted
- * triangle          (n) that was hit, -1 for none
- * u, v              (n) barycentrics of the hit
- * distance          (n)
  * bins              (D, 3) local directions
  * start             (N, 3) origins of rays
  * geometric_normal  (N, 3)
  * frames            (N, 3, 3)
- * face_normal       (T, 3)
- * cells, entries, cell_count, near_elements, position: the tables
- * hit               (n) result: links
+ * origin, direction (n, 3) results
  */
-__kernel void pack_hits(const uint count, __global const uint *ray, const float least, __global const int *triangle,
-                        __global const float *u, __global const float *v, __global const float *distance,
-                        __global const float *bins, __global const float *start, __global const float *geometric_normal,
-                        __global const float *frames, __global const float *face_normal, __global const uint *cells,
-                        __global const uint *entries, const uint cell_count, __global const uint *near_elements,
-                        __global const float *position, __global uint *hit)
+__kernel void rays_of_bins(const uint count, __global const uint *ray, const float least, __global const float *bins,
+                           __global const float *start, __global const float *geometric_normal,
+                           __global const float *frames, __global float *origin, __global float *direction)
 {
     uint r = get_global_id(0);
     if (r >= count) return;
-    int escapes = triangle[r] < 0;
-    size_t t = escapes ? 0 : triangle[r], i = ray[r] / D_BINS, d = ray[r] % D_BINS;
-
-    // The ray's direction w.
-    __global const float *f = frames + 9 * i, *g = geometric_normal + 3 * i, *l = bins + 3 * d;
+    uint i = ray[r] / D_BINS, d = ray[r] % D_BINS;
+    __global const float *f = frames + 9 * (size_t)i, *g = geometric_normal + 3 * i, *l = bins + 3 * d;
     float x = l[0] * f[0] + l[1] * f[3] + l[2] * f[6];
     float y = l[0] * f[1] + l[1] * f[4] + l[2] * f[7];
     float z = l[0] * f[2] + l[1] * f[5] + l[2] * f[8];
@@ -65,28 +58,77 @@ __kernel void pack_hits(const uint count, __global const uint *ray, const float 
     below = LARGER(below, 0.0f);
     x += below * g[0]; y += below * g[1]; z += below * g[2];
     float scale = 1.0f / sqrt(x * x + y * y + z * z);
-    x *= scale; y *= scale; z *= scale;
+    direction[3 * r] = x * scale; direction[3 * r + 1] = y * scale; direction[3 * r + 2] = z * scale;
+    origin[3 * r] = start[3 * i]; origin[3 * r + 1] = start[3 * i + 1]; origin[3 * r + 2] = start[3 * i + 2];
+}
 
-    // The element nearest to the hit: its place in the list rides in the last bits of the distance.
-    __global const float *n = face_normal + 3 * t;
-    int back = x * n[0] + y * n[1] + z * n[2] > 0.0f;
+/* direction         (n, 3)
+ * triangle          (n) that was hit, -1 for none
+ * u, v              (n) barycentrics of the hit
+ * face_normal       (T, 3)
+ * cells, entries, cell_count: of the tables
+ * found             (n) result: entries, ESCAPES for a miss, BLOCKED for a side without elements
+ */
+__kernel void entries_of_hits(const uint count, __global const float *direction, __global const int *triangle,
+                              __global const float *u, __global const float *v, __global const float *face_normal,
+                              __global const uint *cells, __global const uint *entries, const uint cell_count,
+                              __global uint *found)
+{
+    uint r = get_global_id(0);
+    if (r >= count) return;
+    int escapes = triangle[r] < 0;
+    size_t t = escapes ? 0 : triangle[r];
+    __global const float *n = face_normal + 3 * t, *d = direction + 3 * r;
+    int back = d[0] * n[0] + d[1] * n[1] + d[2] * n[2] > 0.0f;
     uint entry = entry_of_point(cells, entries, cell_count, t, u[r], v[r], back);
-    int blocked = entry == NO_ENTRY;
-    __global const uint *list = near_elements + (size_t)(blocked ? 0 : entry) * PER_ENTRY;
-    __global const float *o = start + 3 * i;
-    float s = escapes ? 0.0f : distance[r];
-    float px = o[0] + s * x, py = o[1] + s * y, pz = o[2] + s * z;
-    uint nearest_key = 0xffffffffu;
-    for (uint k = 0; k < COMPARED; k++) {
-        uint key = (as_uint(gap2_of(position, list[k], px, py, pz)) & DISTANCE_BITS) | k;
-        nearest_key = LESSER(key, nearest_key);
-    }
-    uint e = list[nearest_key & ~DISTANCE_BITS];
+    entry = entry == NO_ENTRY ? BLOCKED : entry;
+    found[r] = escapes ? ESCAPES : entry;
+}
 
-    // The bin that points back along the ray.
-    __global const float *q = frames + 9 * (size_t)e;
-    uint bin = bin_of_lane(-(x * q[0] + y * q[1] + z * q[2]), -(x * q[3] + y * q[4] + z * q[5]),
-                           -(x * q[6] + y * q[7] + z * q[8]));
-    uint link = blocked ? BLOCKED : LINK(e, bin);
-    hit[r] = escapes ? ESCAPES : link;
+/* origin, direction (n, 3)
+ * distance          (n) of the hit
+ * found             (n) of entries_of_hits: in, entries; out, the elements in their place
+ * near_elements (entries, PER_ENTRY), position (N, 3), frames (N, 3, 3)
+ * back              (n, 3) result: the direction back along the ray, in the element's frame
+ */
+__kernel void nearest_of_hits(const uint count, __global const float *origin, __global const float *direction,
+                              __global const float *distance, __global const uint *near_elements,
+                              __global const float *position, __global const float *frames, __global uint *found,
+                              __global float *back)
+{
+    uint r = get_global_id(0);
+    if (r >= count) return;
+    uint at = found[r];
+    if (!IS_LINK(at)) {
+        back[3 * r] = back[3 * r + 1] = back[3 * r + 2] = 0.0f;
+        return;
+    }
+    float s = distance[r], x = direction[3 * r], y = direction[3 * r + 1], z = direction[3 * r + 2];
+    uint4 list = vload4(0, near_elements + (size_t)at * PER_ENTRY);
+    __global const float *a = position + 3 * (size_t)list.x, *b = position + 3 * (size_t)list.y;
+    __global const float *c = position + 3 * (size_t)list.z, *e = position + 3 * (size_t)list.w;
+    float4 dx = (float4)(a[0], b[0], c[0], e[0]) - (origin[3 * r] + s * x);
+    float4 dy = (float4)(a[1], b[1], c[1], e[1]) - (origin[3 * r + 1] + s * y);
+    float4 dz = (float4)(a[2], b[2], c[2], e[2]) - (origin[3 * r + 2] + s * z);
+    /* The place in the list rides in the last bits of the squared distance, which orders as its bits do. */
+    uint4 key = (as_uint4(dx * dx + dy * dy + dz * dz) & DISTANCE_BITS) | (uint4)(0, 1, 2, 3);
+    uint2 two = LESSER(key.xy, key.zw);
+    uint k = LESSER(two.x, two.y) & ~DISTANCE_BITS;
+    uint nearest = k < 2 ? (k == 0 ? list.x : list.y) : (k == 2 ? list.z : list.w);
+    __global const float *q = frames + 9 * (size_t)nearest;
+    back[3 * r] = -(x * q[0] + y * q[1] + z * q[2]);
+    back[3 * r + 1] = -(x * q[3] + y * q[4] + z * q[5]);
+    back[3 * r + 2] = -(x * q[6] + y * q[7] + z * q[8]);
+    found[r] = nearest;
+}
+
+/* found, back       of nearest_of_hits
+ * hit               (n) result: links
+ */
+__kernel void pack_hits(const uint count, __global const uint *found, __global const float *back, __global uint *hit)
+{
+    uint r = get_global_id(0);
+    if (r >= count) return;
+    uint e = found[r], link = LINK(e, bin_of_lane(back[3 * r], back[3 * r + 1], back[3 * r + 2]));
+    hit[r] = IS_LINK(e) ? link : e;
 }

@@ -231,7 +231,9 @@ class RayTracer:
     def _triangle(self, found: dict[str, NDArray]) -> I32:
         """The triangles (n,) that Embree's records name by mesh and row, -1 where nothing was hit."""
         row: I32 = found["primID"]
-        return row if len(self._first) < 3 else row + self._first[found["geomID"]]
+        if len(self._first) > 2:  # the row of a miss is -1, and so is its mesh: the last
+            row += self._first.take(found["geomID"], mode="wrap")
+        return row
 
     def _run_chunks(self, n: int, run: Callable[[slice], None]) -> None:
         slices = [slice(a, min(a + CHUNK, n)) for a in range(0, n, CHUNK)]

@@ -9,7 +9,7 @@ from usdslf.elements.elements import sample_elements
 from usdslf.elements.lookup import ElementLookup
 from usdslf.gpu.device import open_device
 from usdslf.light_field.links import BLOCKED, ESCAPES
-from usdslf.light_field.visibility import BATCH, outgoing_directions, trace_visibility
+from usdslf.light_field.visibility import BATCH, rays_of_bins, trace_visibility
 from usdslf.rays import LEAST_COSINE, RayTracer, points_at
 from usdslf.sampling.hemisphere import D, bin_directions
 from usdslf.scene.records import Material, Texture, constant
@@ -279,7 +279,8 @@ def test_rays_never_start_into_the_surface():
     # A coarse ball, smooth-shaded: bins of the shading frame lie up to 20 degrees below the triangle.
     scene = make_scene(sphere(1.0, rows=6))
     e, hit = trace(scene, 300)
-    d = outgoing_directions(e, bin_directions().astype(np.float32), slice(0, len(e)))
+    _, d = rays_of_bins(e, RayTracer(scene), open_device(), slice(0, len(e)))
+    d = d.reshape(-1, D, 3)
     cosine = (d * e.geometric_normal[:, None]).sum(2)
     assert cosine.min() > LEAST_COSINE * 0.9
     assert (bin_directions() @ e.frame[:, :, :].astype(float) * e.geometric_normal[:, None]).sum(

@@ -26,9 +26,9 @@ from usdslf.cli.bench_strokes import stroke_steps
 from usdslf.gallery import still_life
 from usdslf.gallery.play import Play
 from usdslf.gpu.device import Device
-from usdslf.light_field.visibility import outgoing_directions, trace_visibility
+from usdslf.light_field.visibility import BATCH, rays_of_bins, trace_visibility
 from usdslf.rays import RayTracer
-from usdslf.sampling.hemisphere import D, bin_directions
+from usdslf.sampling.hemisphere import D
 from usdslf.session import Session
 from usdslf.surfaces.reflectance import LEVEL_COUNT
 
@@ -36,7 +36,6 @@ if TYPE_CHECKING:
     from usdslf.progress import Say
 
 SIZE = (900, 450)  # of the paper's pictures
-BLOCK = 64  # elements in a run of the ray limit
 RAY_SHARE = 8  # the ray limit is measured on every eighth block
 BYTES_OF_LINK = 4 + 12 + 12 + 12  # a bounce reads link, fixed and outgoing light, and writes outgoing light
 MOVER = "/still_life/ball"
@@ -124,17 +123,13 @@ def _row(
 def _visibility(session: Session) -> tuple[float, str, float]:
     """Time of the warm step, and of embreex alone on the same rays, made beforehand."""
     seconds = best(
-        lambda: trace_visibility(session.elements, session.lookup, session.tracer, session.device), repeats=1
+        lambda: trace_visibility(session.elements, session.lookup, session.tracer, session.device), repeats=2
     )
     elements, tracer = session.elements, session.tracer
-    start = tracer.offset_points(elements.position, elements.geometric_normal, elements.triangle)
-    bins = bin_directions().astype(np.float32)
     rays = []
-    for first in range(0, len(elements), BLOCK * RAY_SHARE):
-        rows = slice(first, min(first + BLOCK, len(elements)))
-        direction = outgoing_directions(elements, bins, rows)
-        origin = np.ascontiguousarray(np.broadcast_to(start[rows, None], direction.shape))
-        rays.append((origin.reshape(-1, 3), direction.reshape(-1, 3)))
+    for first in range(0, len(elements), BATCH * RAY_SHARE):
+        made = rays_of_bins(elements, tracer, session.device, slice(first, min(first + BATCH, len(elements))))
+        rays.append(made)
 
     def run() -> None:
         for _ in tracer.map_ahead(lambda i: tracer.intersect_columns(*rays[i]), range(len(rays))):

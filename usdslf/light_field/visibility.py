@@ -1,18 +1,21 @@
 """Visibility: the operator G, which names what each element sees in each of its bins.
 
-Rays are traced by Embree on all processors, and the device looks up the elements that they hit meanwhile.
+Rays are made by the device, traced by Embree on all processors, and the device names what they hit; batches of them
+are at different steps at the same time.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
+from queue import SimpleQueue
 from time import perf_counter
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from usdslf.gpu.shared import Shared
 from usdslf.progress import tell
 from usdslf.rays import LEAST_COSINE, RayTracer
 from usdslf.sampling.hemisphere import D, bin_directions
@@ -23,7 +26,8 @@ if TYPE_CHECKING:
     from usdslf.elements.lookup import ElementLookup
     from usdslf.gpu.device import Device
 
-BATCH = 64  # elements whose rays are traced and looked up at once
+BATCH = 16  # elements whose rays are traced and looked up at once: all of it stays in the second-level cache
+GROUP = 64  # work-items of a group
 
 Wanted = Callable[[slice], NDArray]
 """rows of elements -> which of their bins (n, D)."""
@@ -40,8 +44,6 @@ class Visibility:
 
 def trace_visibility(elements: Elements, lookup: ElementLookup, tracer: RayTracer, device: Device) -> Visibility:
     """Traces a ray through the centre of every bin of every element and names what it hits.
-
-    Embree and the device work at the same time, on different batches.
 
     Source: Nguyen et al. 2013, 6.1.
     """
@@ -62,88 +64,104 @@ def trace_bins(
         wanted: tells which bins of some elements; asked on several threads; None: all.
     """
     n = len(elements)
-    start = tracer.offset_points(elements.position, elements.geometric_normal, elements.triangle)
-    bins = bin_directions().astype(np.float32)
-    tables = lookup.upload(device)
-    bins_d, start_d, frames_d = device.upload(bins), device.upload(start), device.upload(elements.frame)
-    geometric_d = device.upload(elements.geometric_normal)
-    kernel = device.kernel("visibility", "pack_hits")
-    packed_d = [device.empty((BATCH * D,), np.uint32) for _ in range(2)]
+    seer = _Seer(elements, lookup, tracer, device)
 
-    def trace(first: int) -> tuple[NDArray, ...]:
+    def see(first: int) -> int:
         rows = slice(first, min(first + BATCH, n))
-        rays = np.arange(first * D, rows.stop * D, dtype=np.uint32)
         if wanted is None:
-            direction = outgoing_directions(elements, bins, rows)
-            origin = np.broadcast_to(start[rows, None], direction.shape)
-            return rays, *tracer.intersect_columns(origin.reshape(-1, 3), direction.reshape(-1, 3))
-        chosen = np.flatnonzero(wanted(rows))
-        if not len(chosen):
-            return (rays[:0],) * 5
-        direction = outgoing_directions(elements, bins, rows).reshape(-1, 3).take(chosen, 0)
-        return rays[chosen], *tracer.intersect_columns(start[rows].take(chosen // D, 0), direction)
+            return seer.see(slice(rows.start * D, rows.stop * D), hit)
+        return seer.see((np.flatnonzero(wanted(rows)) + first * D).astype(np.uint32), hit)
 
-    batches = (columns for _, columns in tracer.map_ahead(trace, range(0, n, BATCH)))
     total = 0
-    for turn, (rays, *columns) in enumerate(_filled_batches(batches, BATCH * D)):
-        count = len(rays)
-        kernel(
-            (BATCH * D,),  # always the same: a CPU compiles a kernel for each size
-            None,
-            np.uint32(count),
-            device.upload(rays),
-            np.float32(LEAST_COSINE),
-            *(device.upload(x) for x in columns),
-            bins_d,
-            start_d,
-            geometric_d,
-            frames_d,
-            tables.face_normal_d,
-            tables.cells_of_triangle_d,
-            tables.entry_of_cell_d,
-            tables.cell_count,
-            tables.elements_of_entry_d,
-            tables.position_d,
-            packed_d[turn % 2],
-        )
-        hit[rays] = device.download(packed_d[turn % 2])[:count]
+    for first, count in tracer.map_ahead(see, range(0, n, BATCH)):
         total += count
-        tell(total / (n * D) if wanted is None else None)
+        tell(min(first + BATCH, n) / n)
     return total
 
 
-def _filled_batches(batches: Iterable[tuple[NDArray, ...]], size: int) -> Iterator[tuple[NDArray, ...]]:
-    """Joins small batches, each some columns of one length, as long as `size` rows are enough for them."""
-    waiting: list[tuple[NDArray, ...]] = []
-    count = 0
-    for batch in batches:
-        if waiting and count + len(batch[0]) > size:
-            yield _joined(waiting)
-            waiting, count = [], 0
-        if len(batch[0]):
-            waiting.append(batch)
-            count += len(batch[0])
-    if waiting:
-        yield _joined(waiting)
+def rays_of_bins(elements: Elements, tracer: RayTracer, device: Device, rows: slice) -> tuple[F32, F32]:
+    """Returns origins and directions (n D, 3) of the rays of some elements, lifted where they are below the surface."""
+    maker, room = _RayMaker(elements, tracer, device), _Room(device, (rows.stop - rows.start) * D)
+    maker.make(slice(rows.start * D, rows.stop * D), room)
+    return room.origin.host, room.direction.host
 
 
-def _joined(batches: list[tuple[NDArray, ...]]) -> tuple[NDArray, ...]:
-    if len(batches) == 1:
-        return batches[0]
-    return tuple(np.concatenate(columns) for columns in zip(*batches, strict=True))
+class _Room:
+    """Arrays of a batch of rays, and of what they hit."""
+
+    def __init__(self, device: Device, count: int) -> None:
+        make = lambda shape, dtype=np.float32: Shared(device, shape, dtype, is_clean=False)  # noqa: E731
+        self.ray, self.origin, self.direction = make((count,), np.uint32), make((count, 3)), make((count, 3))
+        self.triangle, self.u, self.v = make((count,), np.int32), make((count,)), make((count,))
+        self.distance, self.found = make((count,)), make((count,), np.uint32)
+        self.back, self.link = make((count, 3)), make((count,), np.uint32)
+
+    @property
+    def hits(self) -> tuple[Shared, ...]:
+        """Triangle, u, v, distance."""
+        return self.triangle, self.u, self.v, self.distance
 
 
-def outgoing_directions(elements: Elements, bins: F32, rows: slice) -> F32:
-    """World directions (n, D, 3) of bins (D, 3) of some elements, lifted where they are below the surface."""
-    normal = elements.geometric_normal[rows]
-    direction = bins @ elements.frame[rows]
-    # The lowest bins are 3.5 degrees above the horizon.
-    leaning = np.flatnonzero((normal * elements.normal[rows]).sum(1) < np.cos(np.radians(3.2)))
-    if len(leaning):
-        cosine = (direction[leaning] @ normal[leaning, :, None])[..., 0]
-        which, bin_ = np.nonzero(cosine < LEAST_COSINE)
-        low = leaning[which], bin_
-        lifted = direction[low] + (LEAST_COSINE - cosine[which, bin_])[:, None] * normal[low[0]]
-        direction[low] = lifted / np.linalg.norm(lifted, axis=1, keepdims=True)
-    return direction
+class _RayMaker:
+    """Makes rays of bins on the device."""
 
+    def __init__(self, elements: Elements, tracer: RayTracer, device: Device) -> None:
+        start = tracer.offset_points(elements.position, elements.geometric_normal, elements.triangle)
+        of_elements = bin_directions().astype(np.float32), start, elements.geometric_normal, elements.frame
+        self._of_elements_d = [device.upload(a) for a in of_elements]
+        self._kernel = device.kernel("visibility", "rays_of_bins")
+
+    def make(self, rays: slice | NDArray[np.uint32], room: _Room) -> int:
+        """Makes rays of bins, numbered by element * D + bin, in a room; returns how many."""
+        numbers = np.arange(rays.start, rays.stop, dtype=np.uint32) if isinstance(rays, slice) else rays
+        count = len(numbers)
+        room.ray.host[:count] = numbers
+        room.ray.push()
+        self._kernel(
+            (-(-count // GROUP) * GROUP,), (GROUP,), np.uint32(count), room.ray, np.float32(LEAST_COSINE),
+            *self._of_elements_d, room.origin, room.direction,
+        )  # fmt: skip
+        room.origin.pull()
+        room.direction.pull()
+        return count
+
+
+class _Seer:
+    """Traces rays of bins and names what they hit, on several threads, each in a room of its own."""
+
+    def __init__(self, elements: Elements, lookup: ElementLookup, tracer: RayTracer, device: Device) -> None:
+        self._maker, self._tracer, self._tables = _RayMaker(elements, tracer, device), tracer, lookup.upload(device)
+        self._rooms: SimpleQueue[_Room] = SimpleQueue()
+        for _ in range(tracer.threads):
+            self._rooms.put(_Room(device, BATCH * D))
+        self._kernels = [device.kernel("visibility", k) for k in ("entries_of_hits", "nearest_of_hits", "pack_hits")]
+
+    def see(self, rays: slice | NDArray[np.uint32], hit: NDArray) -> int:
+        """Writes links of rays (BATCH * D at most), numbered by element * D + bin; returns how many."""
+        room = self._rooms.get()
+        try:
+            count = self._maker.make(rays, room)
+            if count:
+                columns = self._tracer.intersect_columns(room.origin.host[:count], room.direction.host[:count])
+                for to, column in zip(room.hits, columns):
+                    to.host[:count] = column
+                    to.push()
+                self._name(room, count)
+                hit[rays] = room.link.host[:count]
+            return count
+        finally:
+            self._rooms.put(room)
+
+    def _name(self, room: _Room, count: int) -> None:
+        entries_of_hits, nearest_of_hits, pack_hits = self._kernels
+        t, size, n = self._tables, ((-(-count // GROUP) * GROUP,), (GROUP,)), np.uint32(count)
+        entries_of_hits(
+            *size, n, room.direction, room.triangle, room.u, room.v, t.face_normal_d, t.cells_of_triangle_d,
+            t.entry_of_cell_d, t.cell_count, room.found,
+        )  # fmt: skip
+        nearest_of_hits(
+            *size, n, room.origin, room.direction, room.distance, t.elements_of_entry_d, t.position_d, t.frames_d,
+            room.found, room.back,
+        )  # fmt: skip
+        pack_hits(*size, n, room.found, room.back, room.link)
+        room.link.pull()
