@@ -125,11 +125,12 @@ __kernel void draw_first(
             mirrored_by(u.z < chance_of_coat ? lobe.coat_alpha : lobe.alpha, lobe.e, u.xy, &l, &h);
             d = world_from(lobe, l);
         } else {
-            if (u.z < by_guide) {
-                d = guided_towards(guides, frames, element, u.xy);
+            /* the first number chooses, and what is left of it draws: half of a net is a net */
+            if (u.x < by_guide) {
+                d = guided_towards(guides, frames, element, (float2)(u.x / by_guide, u.y));
                 l = local_in(lobe, d);
             } else {
-                l = cosine_direction(u.xy);
+                l = cosine_direction((float2)((u.x - by_guide) / (1.0f - by_guide), u.y));
                 d = world_from(lobe, l);
             }
             h = unit(lobe.e + l);

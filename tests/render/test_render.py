@@ -120,7 +120,7 @@ def test_between_even_walls_a_ball_shows_its_albedo(device: Device) -> None:
     """The same with surfaces around it instead of a dome: walls that shine .6 and send back .4 of what arrives.
 
     All radiance is 1 then, .6 of it met as light and the rest gathered from surfaces, after any number of bounces.
-    Samples of one picture share their numbers, and what these are wrong by: the mean of four is asked.
+    Samples of one picture share their numbers and what these are wrong by: the mean of four is asked, little of one.
     """
     ball = specular_workflow((0.5, 0.3, 0.2), 0.1, 0.6)
     walls = sphere(40.0, rows=12, material=1)
@@ -129,6 +129,8 @@ def test_between_even_walls_a_ball_shows_its_albedo(device: Device) -> None:
     camera, names = camera_at((0, 0, 5), focal_length=550.0), ("color", "indirect", "direct")
     each = [render(lit, camera, (4, 4), names, PictureOptions(samples=64, seed=seed)) for seed in range(4)]
     color, indirect, direct = (np.mean([p[name] for p in each], (0, 1, 2)) for name in names)
+    level = np.array([p["indirect"].mean() for p in each]) / indirect.mean()
+    assert np.abs(level - 1).max() < 0.006
     lobe = directional_albedo("phong", float(lobe_parameter("phong", 0.6)), np.ones(1))[0, 2]
     expected = np.array([0.5, 0.3, 0.2]) + 0.1 * lobe
     np.testing.assert_allclose(color, expected, rtol=0.01)
