@@ -45,43 +45,55 @@ inline float3 lit_along(SCENE_PARAMETERS, float3 p, float3 d, int t, float u, fl
 /* whether a ray's footprint is too small for the light field to answer it */
 inline int is_fine(__global const float *face_normal, const float least_footprint, float3 d, int t, float distance, float pdf)
 {
-    float cosine = fabs(inner(load3(face_normal, t), d));
-    return distance * distance / larger(pdf * larger(cosine, 0.05f), 1e-6f) < least_footprint;
+    return is_footprint_fine(least_footprint, inner(load3(face_normal, t), d), distance, pdf);
 }
 
-/* the light field's radiance against a ray, of the elements of an entry by their weights (PER_ENTRY); whether it has to be followed
- * instead, if it may */
-inline float3 known_by(SCENE_PARAMETERS, FIELD_PARAMETERS, float3 d, int t, float u, float v, float pdf, uint entry, const float *weight,
+/* bins (4) of elements that point back along a ray */
+inline uint4 bins_back(__global const float *frames, uint4 who, float3 d)
+{
+    __global const float *a = frames + 9 * (size_t)who.x, *b = frames + 9 * (size_t)who.y;
+    __global const float *c = frames + 9 * (size_t)who.z, *e = frames + 9 * (size_t)who.w;
+#define ALONG(k) (-(d.x * (float4)(a[k], b[k], c[k], e[k]) + d.y * (float4)(a[k + 1], b[k + 1], c[k + 1], e[k + 1]) \
+                    + d.z * (float4)(a[k + 2], b[k + 2], c[k + 2], e[k + 2])))
+    return as_uint4(quick_bin_of(ALONG(0), ALONG(3), ALONG(6)));
+}
+
+/* the light field's radiance against a ray, of elements by their weights; whether it has to be followed instead, if it may */
+inline float3 known_by(SCENE_PARAMETERS, FIELD_PARAMETERS, float3 d, int t, float u, float v, float pdf, uint4 who, float4 weight,
                        int *follows)
 {
-    float brightest = 0.0f;
-    float3 sum = (float3)(0.0f);
     int may = *follows;
     *follows = 0;
-    for (int k = 0; k < PER_ENTRY; k++) {
-        if (!(weight[k] > 0.0f)) continue;
-        uint e = near_elements[(size_t)entry * PER_ENTRY + k];
-        int bin = quick_bin_of(local_from_world(frames, e, -d));
-        float3 one = pdf < WIDE_PDF ? load3(mean, (size_t)e * BLOCK_COUNT + block_of(bin)) : load_light(outgoing, (size_t)e * D_BINS + bin);
-        sum += weight[k] * one;
-        if (weight[k] > 0.02f) brightest = larger(brightest, bright(one));
+    uint4 bin = bins_back(frames, who, d);
+    float3 a, b, c, e;
+    if (pdf < WIDE_PDF) {
+        uint4 at = who * BLOCK_COUNT + bin / SIDE / BLOCK * BLOCKS_ON_SIDE + bin % SIDE / BLOCK; /* block_of */
+        a = load3(mean, at.x); b = load3(mean, at.y); c = load3(mean, at.z); e = load3(mean, at.w);
+    } else {
+        uint4 at = who * D_BINS + bin;
+        a = load_light(outgoing, at.x); b = load_light(outgoing, at.y); c = load_light(outgoing, at.z); e = load_light(outgoing, at.w);
     }
+    float3 sum = weight.x * a + weight.y * b + weight.z * c + weight.w * e;
     if (glow_density[t] > 0.0f)
         return larger(sum - emission_at(materials + material_of[t] * MAT, refs, images, texels, uvs, triangles, t, u, v), 0.0f);
-    float l = bright(sum);
+    float4 each = (float4)(bright(a), bright(b), bright(c), bright(e));
+    each = weight > 0.02f ? each : 0.0f;
+    float brightest = larger(larger(each.x, each.y), larger(each.z, each.w)), l = bright(sum);
     *follows = may && pdf < WIDE_PDF && (brightest > UNEVEN * larger(l, usual) || l > BRIGHT * usual);
     return *follows ? (float3)(0.0f) : sum;
 }
 
-/* the light field's radiance against a ray; whether it has to be followed instead */
-inline float3 known_along(SCENE_PARAMETERS, FIELD_PARAMETERS, float3 d, int t, float u, float v, float distance, float pdf, int *follows)
+/* the light field's radiance against a ray from p; whether it has to be followed instead */
+inline float3 known_along(SCENE_PARAMETERS, FIELD_PARAMETERS, float3 p, float3 d, int t, float u, float v, float distance, float pdf,
+                          int *follows)
 {
     if (*follows && is_fine(face_normal, least_footprint, d, t, distance, pdf)) return (float3)(0.0f);
-    float weight[PER_ENTRY];
+    uint4 who;
+    float4 weight;
     uint entry = entry_of_point(cells, entries, cell_count, t, u, v, inner(d, load3(face_normal, t)) > 0.0f);
-    if (!has_field || !weights_at(corners, near_elements, position, entry, t, u, v, weight)) {
+    if (!has_field || !weights_at(near_elements, position, entry, p + distance * d, &who, &weight)) {
         *follows = 0;
         return (float3)(0.0f);
     }
-    return known_by(SCENE, FIELD, d, t, u, v, pdf, entry, weight, follows);
+    return known_by(SCENE, FIELD, d, t, u, v, pdf, who, weight, follows);
 }

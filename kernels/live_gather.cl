@@ -158,12 +158,14 @@ __kernel void draw_first(
 
 /* ── what arrives there ── */
 
-/* rays of the first surfaces, of row_count rows, once or twice: arrived (n, 8) of lights, of surfaces, and whether each is followed */
+/* rays of the first surfaces, of row_count rows, once or twice: arrived (n, 8) of lights, of surfaces, and whether each is followed
+ * entry_of, who, weight: of live_entries.cl */
 __kernel void arrive_first(
     const uint count, const int may_follow, SCENE_PARAMETERS, FIELD_PARAMETERS,
     __global const float *ray_origin, __global const float *ray_direction, __global const float *ray_length,
     __global const int *triangle, __global const float *u_of, __global const float *v_of, __global const float *distance,
-    __global const float *drawn_ray, const uint row_count, __global const uint *rows, __global const uint *identity,
+    __global const float *drawn_ray, __global const uint *entry_of, __global const uint *who, __global const float *weight,
+    const uint row_count, __global const uint *rows, __global const uint *identity,
     __global float *arrived, __global float *state, __global uchar *followed)
 {
     size_t i = get_global_id(0);
@@ -178,8 +180,11 @@ __kernel void arrive_first(
         int t = triangle[i];
         lit = lit_along(SCENE, p, d, t, u_of[i], v_of[i], distance[i], pdf, ray[RAY_FOLDED] > 0.0f, 1);
         if (t >= 0) {
-            int follows = may_follow;
-            bounced = known_along(SCENE, FIELD, d, t, u_of[i], v_of[i], distance[i], lobe_pdf, &follows);
+            int follows = entry_of[i] == IS_FOLLOWED;
+            if (has_field && entry_of[i] < IS_FOLLOWED) {
+                follows = may_follow;
+                bounced = known_by(SCENE, FIELD, d, t, u_of[i], v_of[i], lobe_pdf, vload4(i, who), vload4(i, weight), &follows);
+            }
             followed[i] = follows;
             __global float *s = state + i * PATH;
             s[0] = s[1] = s[2] = 1.0f;
@@ -319,7 +324,7 @@ __kernel void arrive_on_path(
         float3 light = lit_along(SCENE, p, d, t, u_of[i], v_of[i], distance[i], pdf, s[6] > 0.0f, 0);
         if (t >= 0) {
             int follows = may_follow;
-            light += known_along(SCENE, FIELD, d, t, u_of[i], v_of[i], distance[i], pdf, &follows);
+            light += known_along(SCENE, FIELD, p, d, t, u_of[i], v_of[i], distance[i], pdf, &follows);
             followed[i] = follows;
         }
         sum += row3(s, 0) * light;

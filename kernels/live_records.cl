@@ -5,6 +5,8 @@
 #include "lookup.cl"
 
 #define TURN 6.283185307f
+#define NONE_SO_FAR 1e38f
+#define IS_FOLLOWED 0xfffffffeu /* in the place of an entry: the light field does not answer this ray */
 
 /* Comparisons and a root in the place of max, min, clamp and normalize, which are calls on some devices. */
 #define OVERLOADED inline __attribute__((overloadable))
@@ -48,24 +50,32 @@ inline float turn_of(float y, float x)
     return y < 0.0f ? -t : t;
 }
 
-/* bin of a local unit direction, as bin_of of common.cl without calls */
-inline int quick_bin_of(float3 l)
+/* bins of local unit directions, as bin_of of common.cl without calls; F, I: one or four of them side by side */
+#define DEFINE_BIN_OF(F, I, TO_I)                                                                              \
+    OVERLOADED I quick_bin_of(F x, F y, F z)                                                                               \
+    {                                                                                                                      \
+        F up = 1.0f - (z > 0.0f ? z : 0.0f), r = sqrt(up > 0.0f ? up : 0.0f);                                              \
+        F ax = fabs(x), ay = fabs(y);                                                                                      \
+        F big = ax > ay ? ax : ay, small = ax > ay ? ay : ax;                                                              \
+        F a = small / (big > 0.0f ? big : 1.0f), s = a * a;                                                                \
+        F t = a * (0.99997726f + s * (-0.33262347f + s * (0.19354346f + s * (-0.11643287f                                  \
+                   + s * (0.05265332f - s * 0.01172120f)))));                                                              \
+        F second = r * (4.0f / PI_F) * t;                                                                                  \
+        F u = ax > ay ? r : second, v = ax > ay ? second : r;                                                              \
+        I i = TO_I(((x < 0.0f ? -u : u) + 1.0f) * (0.5f * SIDE)), j = TO_I(((y < 0.0f ? -v : v) + 1.0f) * (0.5f * SIDE));  \
+        i = i < SIDE - 1 ? i : SIDE - 1;                                                                                   \
+        j = j < SIDE - 1 ? j : SIDE - 1;                                                                                   \
+        return j * SIDE + i;                                                                                               \
+    }
+DEFINE_BIN_OF(float, int, (int))
+DEFINE_BIN_OF(float4, int4, convert_int4)
+OVERLOADED int quick_bin_of(float3 l) { return quick_bin_of(l.x, l.y, l.z); }
+
+/* whether a ray's footprint is too small for the light field to answer it; facing: cosine at the hit, of any sign */
+inline int is_footprint_fine(const float least_footprint, float facing, float distance, float pdf)
 {
-    float z = l.z > 0.0f ? l.z : 0.0f;
-    float up = 1.0f - z, r = sqrt(up > 0.0f ? up : 0.0f);
-    float ax = fabs(l.x), ay = fabs(l.y);
-    int wide = ax > ay;
-    float big = wide ? ax : ay, small = wide ? ay : ax;
-    float a = small / (big > 0.0f ? big : 1.0f), s = a * a;
-    float t = a * (0.99997726f + s * (-0.33262347f + s * (0.19354346f + s * (-0.11643287f + s * (0.05265332f - s * 0.01172120f)))));
-    float second = r * (4.0f / PI_F) * t;
-    float x = wide ? r : second, y = wide ? second : r;
-    x = l.x < 0.0f ? -x : x;
-    y = l.y < 0.0f ? -y : y;
-    int i = (int)((x + 1.0f) * (0.5f * SIDE)), j = (int)((y + 1.0f) * (0.5f * SIDE));
-    i = i < SIDE - 1 ? i : SIDE - 1;
-    j = j < SIDE - 1 ? j : SIDE - 1;
-    return j * SIDE + i;
+    float cosine = facing < 0.0f ? -facing : facing;
+    return distance * distance / larger(pdf * larger(cosine, 0.05f), 1e-6f) < least_footprint;
 }
 
 inline float largest(float3 c) { return larger(larger(c.x, c.y), c.z); }
@@ -105,39 +115,42 @@ inline float3 held_back(__global const float *ray, float3 bounced, __global cons
     return brings > most ? bounced * (most / brings) : bounced;
 }
 
-/* what blend_at of lookup.cl gives, without moving names about: the weights (PER_ENTRY), which sum to 1, of the elements of an entry, of
- * which BLEND at most are not 0.  Only the fifth smallest distance has to be known; returns 0 on a side without elements */
-inline int weights_at(__global const float *corners, __global const uint *near_elements, __global const float *position,
-                      const uint entry, size_t t, float u, float v, float *weight)
+/* what blend_at of lookup.cl gives, of four elements side by side, nearest first: at point p, in an entry.  Names ride in the
+ * last bits of the squared distances while these are ordered, as far as the fifth; returns 0 on a side without elements */
+inline int weights_at(__global const uint *near_elements, __global const float *position, const uint entry, float3 p, uint4 *who,
+                      float4 *weight)
 {
     if (entry == NO_ENTRY) return 0;
     __global const uint *list = near_elements + (size_t)entry * PER_ENTRY;
-    float3 p0 = load3(corners, 3 * t), p1 = load3(corners, 3 * t + 1), p2 = load3(corners, 3 * t + 2);
-    float3 p = p0 + u * (p1 - p0) + v * (p2 - p0);
-    float s[PER_ENTRY];
-    uint first = list[0];
-    for (int k = 0; k < PER_ENTRY; k++) {
-        float d2 = gap2_of(position, list[k], p.x, p.y, p.z);
-        s[k] = weight[k] = k > 0 && list[k] == first ? INFINITY : d2;
+    uint8 e = vload8(0, list);
+#define OF_ALL(k) (float8)(position[3 * e.s0 + k], position[3 * e.s1 + k], position[3 * e.s2 + k], position[3 * e.s3 + k], \
+                           position[3 * e.s4 + k], position[3 * e.s5 + k], position[3 * e.s6 + k], position[3 * e.s7 + k])
+    float8 dx = OF_ALL(0) - p.x, dy = OF_ALL(1) - p.y, dz = OF_ALL(2) - p.z, gap2 = dx * dx + dy * dy + dz * dz;
+    float own = gap2.s0;
+    gap2 = e == e.s0 ? (float8)(NONE_SO_FAR) : gap2;
+    gap2.s0 = own;
+    uint8 s8 = (as_uint8(gap2) & ~(PER_ENTRY - 1u)) | (uint8)(0, 1, 2, 3, 4, 5, 6, 7);
+    /* a bitonic network: six times, each beside another one */
+#define ORDER(other, low, high)                                                                                            \
+    {                                                                                                                      \
+        uint8 beside = s8.other, less = LESSER(s8, beside), more = LARGER(s8, beside);                                     \
+        s8.low = less.low;                                                                                                 \
+        s8.high = more.high;                                                                                               \
     }
-#define ORDER(a, b) { float low = lesser(s[a], s[b]), high = larger(s[a], s[b]); s[a] = low; s[b] = high; }
-    ORDER(0, 1) ORDER(2, 3) ORDER(4, 5) ORDER(6, 7) ORDER(0, 2) ORDER(1, 3) ORDER(4, 6) ORDER(5, 7) ORDER(1, 2) ORDER(5, 6)
-    ORDER(0, 4) ORDER(1, 5) ORDER(2, 6) ORDER(3, 7) ORDER(2, 4) ORDER(3, 5) ORDER(1, 2) ORDER(3, 4) ORDER(5, 6)
-    float reach2 = s[BLEND];
-    if (reach2 == INFINITY) { /* fewer: twice the last distance */
-        float last = s[0];
-        for (int k = 1; k < BLEND; k++) last = s[k] < INFINITY ? s[k] : last;
-        reach2 = 4.0f * last;
+    ORDER(s10325476, s0246, s1357) ORDER(s32107654, s0145, s2367) ORDER(s10325476, s0246, s1357)
+    ORDER(s76543210, s0123, s4567) ORDER(s23016745, s0145, s2367) ORDER(s10325476, s0246, s1357)
+    float4 s = as_float4(s8.lo);
+    float reach2 = as_float(s8.s4);
+    if (!(reach2 < 0.5f * NONE_SO_FAR)) { /* fewer: twice the last distance */
+        float4 there = s < 0.5f * NONE_SO_FAR ? s : 0.0f;
+        reach2 = 4.0f * larger(larger(there.x, there.y), larger(there.z, there.w));
     }
-    reach2 = larger(reach2, 1e-37f);
-    float sum = 0.0f, nearest = s[0], scale = 1.0f / reach2;
-    for (int k = 0; k < PER_ENTRY; k++) {
-        float f = 1.0f - lesser(weight[k] * scale, 1.0f), w = f * f;
-        w = weight[k] == nearest ? larger(w, 1e-6f) : w;
-        weight[k] = w;
-        sum += w;
-    }
-    scale = 1.0f / sum;
-    for (int k = 0; k < PER_ENTRY; k++) weight[k] *= scale;
+    float4 f = 1.0f - s * (1.0f / larger(reach2, 1e-37f));
+    f = f > 0.0f ? f : 0.0f;
+    float4 w = f * f;
+    w.x = larger(w.x, 1e-6f);
+    *weight = w * (1.0f / (w.x + w.y + w.z + w.w));
+    uint4 place = s8.lo % PER_ENTRY;
+    *who = (uint4)(list[place.x], list[place.y], list[place.z], list[place.w]);
     return 1;
 }

@@ -180,12 +180,14 @@ __kernel void soft_light(
     int hit = triangle[i];
     float3 sum = (float3)(0.0f);
     if (hit >= 0) {
-        float weight[PER_ENTRY];
+        uint4 who;
+        float4 weight;
         int back = inner(load3(direction, i), load3(face_normal, hit)) > 0.0f;
         uint entry = entry_of_point(cells, entries, cell_count, hit, u_of[i], v_of[i], back);
-        if (weights_at(corners, near_elements, position, entry, hit, u_of[i], v_of[i], weight))
-            for (int k = 0; k < PER_ENTRY; k++)
-                if (weight[k] > 0.0f) sum += weight[k] * load3(irradiance, near_elements[(size_t)entry * PER_ENTRY + k]);
+        float3 p0 = load3(corners, 3 * hit), to = u_of[i] * (load3(corners, 3 * hit + 1) - p0) + v_of[i] * (load3(corners, 3 * hit + 2) - p0);
+        if (weights_at(near_elements, position, entry, p0 + to, &who, &weight))
+            sum = weight.x * load3(irradiance, who.x) + weight.y * load3(irradiance, who.y) + weight.z * load3(irradiance, who.z)
+                  + weight.w * load3(irradiance, who.w);
     }
     store3(sum, soft, i);
 }

@@ -108,23 +108,20 @@ __kernel void arrive(
     if (is_there && is_split)
         specular = lit_along(SCENE_OF(specular_sources), p, d, t, u_of[i], v_of[i], distance[i], of_light, folded, 1);
     if (is_split) store3(specular, lit_specular, i);
-    float weight[PER_ENTRY];
+    uint4 who;
+    float4 weight;
     uint entry = NO_ENTRY;
     if (is_there && t >= 0) entry = entry_of_point(cells, entries, cell_count, t, u_of[i], v_of[i], inner(d, load3(face_normal, t)) > 0.0f);
     if (is_there && t >= 0 && entry == NO_ENTRY)
         for (int k = 0; k < BLEND; k++) links[to + k] = BLOCKED;
-    if (entry != NO_ENTRY && weights_at(corners, near_elements, position, entry, t, u_of[i], v_of[i], weight)) {
-        for (int k = 0, n = 0; k < PER_ENTRY && n < BLEND; k++) {
-            if (!(weight[k] > 0.0f)) continue;
-            uint e = near_elements[(size_t)entry * PER_ENTRY + k];
-            links[to + n] = LINK(e, quick_bin_of(local_from_world(frames, e, -d)));
-            weights[to + n] = weight[k];
-            n++;
-        }
+    if (entry != NO_ENTRY && weights_at(near_elements, position, entry, p + distance[i] * d, &who, &weight)) {
+        uint4 link = who * D_BINS + bins_back(frames, who, d);
+        vstore4(weight > 0.0f ? link : ESCAPES, 0, links + to);
+        vstore4(weight, 0, weights + to);
         if (may_follow) {
             int follows = 1;
             if (!is_fine(face_normal, least_footprint, d, t, distance[i], expected / rays))
-                bounced = known_by(SCENE, FIELD, d, t, u_of[i], v_of[i], expected / rays, entry, weight, &follows);
+                bounced = known_by(SCENE, FIELD, d, t, u_of[i], v_of[i], expected / rays, who, weight, &follows);
             followed[i] = follows;
             __global float *s = state + (size_t)i * PATH;
             s[0] = s[1] = s[2] = 1.0f;

@@ -31,7 +31,7 @@ CHUNK = 16384  # rays of one run: their records stay in the second-level cache
 BLOCK = 8192  # triangles that are handed to Embree in one call, which holds the GIL for some 12 ms
 MAX_LAYERS = 32  # see-through surfaces that a ray may pass
 ULPS = 16.0  # offset of ray origins, in units of the last place of the coordinates
-MOST = 0.8  # share of rows that are rays, above which the others are traced with them
+MOST = 0.88  # share of rows that are rays, above which the others are traced with them
 LIFT = 0.2  # of their distance: how far two places are lifted to look at each other
 
 Opacity = Callable[[I32, F32], F32]
@@ -157,7 +157,7 @@ class RayTracer:
                 triangle[rows] = -1
                 if not len(at):
                     return
-            met = self._embree.run(origin[at], direction[at], dists=length[at].copy(), output=True)
+            met = self._embree.run(*_taken(rays, at), output=True)
             triangle[at], u[at], v[at], distance[at] = self._triangle(met), met["u"], met["v"], met["tfar"]
 
         self._run_chunks(len(length), run)
@@ -184,7 +184,7 @@ class RayTracer:
             at = _there(length, rows)
             if at is not rows and not len(at):
                 return
-            blocked[at] = self._embree.run(origin[at], direction[at], dists=length[at].copy(), query="OCCLUDED") == 0
+            blocked[at] = self._embree.run(*_taken(rays, at), query="OCCLUDED") == 0
 
         self._run_chunks(len(length), run)
 
@@ -293,6 +293,14 @@ def _there(length: F32, rows: slice) -> Any:
     """Returns which of some rows are rays, that is, have a length; all where most are: then moving them costs more."""
     there = np.flatnonzero(length[rows] > 0)
     return rows if len(there) > MOST * (rows.stop - rows.start) else there + rows.start
+
+
+def _taken(rays: tuple[F32, F32, F32], at: Any) -> tuple[F32, F32, F32]:
+    """Returns some rows of rays; the lengths are a copy, which Embree writes to."""
+    origin, direction, length = rays
+    if isinstance(at, slice):
+        return origin[at], direction[at], length[at].copy()
+    return origin.take(at, 0), direction.take(at, 0), length.take(at)
 
 
 def points_at(corners: NDArray, triangle: NDArray, barycentric: NDArray) -> NDArray:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from usdslf.elements.lookup import BLEND
 from usdslf.gpu.shared import Shared
 from usdslf.render.guide import SHARE
 from usdslf.render.live import records as r
@@ -44,6 +45,8 @@ class PathRoom:
         self.arrived, self.surface = make((2 * BATCH, 8)), make((2 * BATCH, r.SURFACE))
         self.state, self.path_state = make((2 * BATCH, r.PATH)), make((2 * BATCH, r.PATH))
         self.more_paths, self.more_state = Hits(device, 2 * BATCH), make((2 * BATCH, r.PATH))
+        self.entry, self.weight = make((2 * BATCH,), np.uint32), make((2 * BATCH, BLEND))
+        self.elements = make((2 * BATCH, BLEND), np.uint32)
         self.followed, self.who = make((2 * BATCH,), np.uint8), make((2 * BATCH,), np.int32)
         self.all = counting(device, 2 * BATCH)
 
@@ -133,14 +136,29 @@ def gather_batch(
         room.to_sources.trace(g.tracer, streams * count)
     sent = 2 * count if draw.sends_diffuse else count
     lobes.trace(g.tracer, sent)
+    _find_elements(scene, room, sent, draw.depth > 0)
     g.kernel("live_gather", "arrive_first")(
         groups(sent), (GROUP,), np.uint32(sent), np.int32(draw.depth > 0), *shared, *field, lobes.origin,
-        lobes.direction, lobes.length, lobes.triangle, lobes.u, lobes.v, lobes.distance, room.drawn, n,
-        room.rows, part.identity, room.arrived, room.state, room.followed,
+        lobes.direction, lobes.length, lobes.triangle, lobes.u, lobes.v, lobes.distance, room.drawn,
+        room.entry, room.elements, room.weight, n, room.rows, part.identity, room.arrived, room.state, room.followed,
     )  # fmt: skip
     follow(scene, room, sent, draw.depth, draw.seed)
     add(count)
     g.device.finish()  # before the room is written to again
+
+
+def _find_elements(scene: LiveScene, room: GatherRoom, sent: int, may_follow: bool) -> None:
+    """Names the elements that the first rays of the lobes meet, where the light field answers them."""
+    g, lobes, n, t = scene.geometry, room.lobes, np.uint32(sent), scene.geometry.tables
+    g.kernel("live_entries", "entries_of_rays")(
+        groups(sent), (GROUP,), n, np.int32(may_follow), np.float32(scene.light.footprint), lobes.direction,
+        lobes.length, lobes.triangle, lobes.u, lobes.v, lobes.distance, room.drawn, t.face_normal_d,
+        t.cells_of_triangle_d, t.entry_of_cell_d, t.cell_count, room.entry,
+    )  # fmt: skip
+    g.kernel("live_entries", "blends_of_rays")(
+        groups(sent), (GROUP,), n, room.entry, lobes.origin, lobes.direction, lobes.distance, t.elements_of_entry_d,
+        t.position_d, room.elements, room.weight,
+    )  # fmt: skip
 
 
 def add_frame(
