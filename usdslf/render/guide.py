@@ -76,7 +76,7 @@ def _sky(frames: F32, lights: LightSet) -> F32:
     """
     bins = bin_directions().reshape(SIDE // BLOCK, BLOCK, SIDE // BLOCK, BLOCK, 3).mean((1, 3)).reshape(-1, 3)
     middle = bins / np.linalg.norm(bins, axis=1, keepdims=True)
-    directions = np.einsum("bk,nkj->nbj", middle.astype(np.float32), frames)
+    directions = middle.astype(np.float32) @ frames
     out = luminance(lights.background(directions.reshape(-1, 3), 2 * np.pi / BLOCKS))
     return np.minimum(out, 8 * out.mean()).reshape(len(frames), -1)
 

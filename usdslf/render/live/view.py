@@ -92,10 +92,14 @@ class Rows:
         self.pixel.host[: self.count] = np.arange(self.count, dtype=np.uint32) if pixel is None else pixel
         self.share.host[: self.count] = share
         x, y = window.axes if pixel is None else window.places(pixel)
-        self.place.host[: self.count] = PLACES[y % r.TILE, x % r.TILE].reshape(-1)
-        self.place.host[: self.count] ^= np.asarray(np.asarray(nth) * 21 % r.SET, np.uint8)
-        self.identity.host[: self.count] = ((y * width + x).reshape(-1) + np.asarray(nth) * APART) & 0xFFFFFFFF
-        self.all.host[:] = np.arange(n)
+        if pixel is None:  # whole rows at a time
+            places = PLACES[:, x[0] % r.TILE][y[:, 0] % r.TILE]
+        else:
+            places = PLACES[y % r.TILE, x % r.TILE]
+        self.place.host[: self.count] = places.reshape(-1) ^ np.asarray(np.asarray(nth) * 21 % r.SET, np.uint8)
+        number = (y.astype(np.uint32) * np.uint32(width) + x.astype(np.uint32)).reshape(-1)
+        self.identity.host[: self.count] = number + (np.asarray(nth, np.uint64) * APART & 0xFFFFFFFF).astype(np.uint32)
+        self.all.host[:] = np.arange(n, dtype=np.uint32)
         for a in (self.pixel, self.share, self.place, self.all, self.identity):
             a.push()
         self._device, self._material_of = device, scene.geometry.scene.triangles.material
