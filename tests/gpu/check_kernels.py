@@ -139,7 +139,8 @@ def begin(argument: str, folder: Path, races: bool) -> tuple[subprocess.Popen[st
         "OCLGRIND_LOG": str(log), "OCLGRIND_GLOBAL_MEM_SIZE": str(MEMORY), "OCLGRIND_NUM_THREADS": "1",
         **({"OCLGRIND_DATA_RACES": "1"} if races else {}),
     }  # fmt: skip
-    environment = {**os.environ, **oclgrind, "OCL_ICD_VENDORS": str(vendors), "USDSLF_CACHE": "weights"}
+    here = {"OCL_ICD_VENDORS": str(vendors), "USDSLF_CACHE": "weights", "USDSLF_THREADS": "1"}  # it dies of two
+    environment = {**os.environ, **oclgrind, **here}
     command = [sys.executable, __file__, "--launch", argument]
     process = subprocess.Popen(
         command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, encoding="utf-8"
