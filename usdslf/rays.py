@@ -28,6 +28,7 @@ from usdslf.threads import Work, map_ahead, thread_count
 LEAST_COSINE = 0.005  # rays that a shading normal sends below the surface leave it at this angle
 FAR = np.float32(1e37)  # Embree's "no limit"
 CHUNK = 16384  # rays of one run: their records stay in the second-level cache
+FEWEST = 2048  # rays of one run, where several threads share what is less than CHUNK
 BLOCK = 8192  # triangles that are handed to Embree in one call, which holds the GIL for some 12 ms
 MAX_LAYERS = 32  # see-through surfaces that a ray may pass
 ULPS = 16.0  # offset of ray origins, in units of the last place of the coordinates
@@ -236,7 +237,11 @@ class RayTracer:
         return row
 
     def _run_chunks(self, n: int, run: Callable[[slice], None]) -> None:
-        slices = [slice(a, min(a + CHUNK, n)) for a in range(0, n, CHUNK)]
+        parts = max(-(-n // CHUNK), min(self.threads, n // FEWEST), 1)
+        if parts > 1:  # as many for each thread
+            parts = -(-parts // self.threads) * self.threads
+        size = max(-(-n // parts), 1)
+        slices = [slice(a, min(a + size, n)) for a in range(0, n, size)]
         if len(slices) < 2 or self.threads == 1:
             for rows in slices:
                 run(rows)
