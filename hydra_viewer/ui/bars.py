@@ -10,6 +10,8 @@ from PySide6.QtWidgets import QHBoxLayout, QLabel, QPushButton, QToolButton, QWi
 
 from hydra_viewer.ui import theme, words
 
+MARGIN = 32  # beside a sentence [pixels]
+
 
 class MessageBar(QWidget):
     """A sentence across the head of what it lies over, until it is closed, or answered; nothing moves when it comes."""
@@ -19,11 +21,10 @@ class MessageBar(QWidget):
         self._below = below
         below.installEventFilter(self)
         self.setAttribute(Qt.WidgetAttribute.WA_StyledBackground)
-        self._label = QLabel()
-        self._label.setWordWrap(True)
+        self._label, self._sentence, self._is_brief = QLabel(), "", False
         self._label.setTextInteractionFlags(Qt.TextInteractionFlag.TextSelectableByMouse)
         self._answers: list[QPushButton] = []
-        close = QToolButton(autoRaise=True)
+        self._close = close = QToolButton(autoRaise=True)
         close.setText("✕")
         close.setToolTip(words.CLOSE_BAR)
         close.clicked.connect(self.hide)
@@ -41,12 +42,15 @@ class MessageBar(QWidget):
 
     def _fit(self) -> None:
         wide = self._below.width()
+        if self._is_brief:
+            room = wide - self._close.sizeHint().width() - MARGIN
+            self._label.setText(self._label.fontMetrics().elidedText(self._sentence, Qt.TextElideMode.ElideRight, room))
         self.setGeometry(0, 0, wide, max(self.heightForWidth(wide), self.minimumSizeHint().height()))
 
     @property
     def text(self) -> str:
         """What it says; "" while it is hidden."""
-        return self._label.text() if not self.isHidden() else ""
+        return self._sentence if not self.isHidden() else ""
 
     def say(self, sentence: str, is_error: bool = True, answers: dict[str, Callable[[], None]] | None = None) -> None:
         """Shows a sentence.
@@ -64,7 +68,11 @@ class MessageBar(QWidget):
             button.clicked.connect(lambda _=False, do=do: do())
             self._layout.insertWidget(self._layout.count() - 1, button)
             self._answers.append(button)
+        self._sentence, self._is_brief = sentence, not (is_error or answers)  # a note takes one line of the picture
+        self._label.setWordWrap(not self._is_brief)
+        self._label.setMinimumWidth(1)
         self._label.setText(sentence)
+        self._label.setToolTip(sentence if self._is_brief else "")
         self.setStyleSheet(f"MessageBar {{ background: {theme.ERROR if is_error else theme.NOTE}; }}")
         self._fit()
         self.show()

@@ -112,6 +112,9 @@ class Artist:
         tell = canvas.progress.connect(shares.append)
         self.wait(lambda: window.worker.is_idle and window.document.is_shown and window.explaining.is_current)
         self.wait(lambda: not (window.worker.is_doing(GROUPS) or window.explaining.is_making_pictures))
+        found = window.document.found
+        seen = lambda: canvas.viewport.shown  # noqa: E731
+        self.wait(lambda: found is None or (seen() is not None and seen().edited is found.shot))
         shares.append(0.0)
         window.easel.view_changed()  # the picture is asked for once more, and tells how far it is
         self.wait(lambda: canvas.viewport.pixels() is not None and shares[-1] > SHARE)
