@@ -10,7 +10,7 @@ from PySide6.QtWidgets import QTreeWidget, QTreeWidgetItem, QWidget
 
 from hydra_viewer.model.verdict import Row
 from hydra_viewer.ui import panel_words as words
-from hydra_viewer.ui.swatches import swatch_icon
+from hydra_viewer.ui.swatches import swatch_icon, true_icon
 
 NUMBER = Qt.ItemDataRole.UserRole
 SWATCH, GAP = 14, 3  # pixels
@@ -112,4 +112,4 @@ def _both(before: QColor, after: QColor) -> QIcon:
     for n, color in enumerate((before, after)):
         painter.drawPixmap(n * (SWATCH + GAP), 0, swatch_icon(color, SWATCH).pixmap(SWATCH, SWATCH))
     painter.end()
-    return QIcon(pixmap)
+    return true_icon(pixmap)

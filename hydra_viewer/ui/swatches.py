@@ -62,9 +62,14 @@ def swatch_icon(color: QColor, size: int = 14) -> QIcon:
     painter.setBrush(color)
     painter.drawRoundedRect(QRectF(0.5, 0.5, size - 1, size - 1), 2, 2)
     painter.end()
-    swatch = QIcon(pixmap)
-    swatch.addPixmap(pixmap, QIcon.Mode.Selected)  # a selected row would tint it
-    return swatch
+    return true_icon(pixmap)
+
+
+def true_icon(pixmap: QPixmap) -> QIcon:
+    """Returns an icon of colours that people judge: a selected row does not tint it."""
+    found = QIcon(pixmap)
+    found.addPixmap(pixmap, QIcon.Mode.Selected)
+    return found
 
 
 class _Row(QWidget):

@@ -9,13 +9,15 @@ import pytest
 from kit.moving_stages import roll
 from kit.windows import LEFT, drag, opened, pixel, solved, wait_for
 from PySide6.QtCore import Qt
-from PySide6.QtGui import QAction
+from PySide6.QtGui import QAction, QColor, QIcon
 from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QApplication, QComboBox, QLabel, QLineEdit
 
 from hydra_viewer.model.brush_color import shot_color, shown_colors
 from hydra_viewer.ui import words
 from hydra_viewer.ui.cheat_sheet import CheatSheet
+from hydra_viewer.ui.highlight import rim
+from hydra_viewer.ui.swatches import swatch_icon
 from hydra_viewer.ui.window import Window
 
 
@@ -152,3 +154,13 @@ def test_every_panel_can_be_reached_by_keys(window: Window) -> None:
     for panel in (window.stage_panel, window.brush_panel, window.view_bar, window.timeline):
         assert any(panel.isAncestorOf(w) for w in seen), panel
     assert words.TITLE in window.windowTitle()
+
+
+def test_a_swatch_and_what_is_selected_keep_their_colour(window: Window) -> None:
+    icon, looks = swatch_icon(QColor(20, 90, 110)), (QIcon.Mode.Normal, QIcon.Mode.Selected)
+    plain, selected = (icon.pixmap(14, 14, mode).toImage().pixelColor(7, 7).getRgb() for mode in looks)
+    assert plain == selected == (20, 90, 110, 255)
+    inside = np.zeros((40, 40), bool)
+    inside[8:32, 8:32] = True
+    veil = rim(inside, QColor("white"))
+    assert veil.pixelColor(20, 20).alpha() == 0 and veil.pixelColor(8, 20).alpha() > 100
