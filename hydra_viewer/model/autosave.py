@@ -10,6 +10,7 @@ import contextlib
 import hashlib
 import os
 import threading
+import time
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -17,6 +18,8 @@ from platformdirs import user_state_path
 
 from hydra_viewer.model.document import Document, Files, Strokes
 from usdslf import Shot, UsdslfError, read_strokes, write_strokes
+
+REST = 0.03  # seconds in which a stroke is shown first
 
 
 def autosave_path(files: Files) -> Path:
@@ -123,6 +126,7 @@ class Autosave:
                 self.is_writing = wanted is not None
             if wanted is None:
                 return
+            time.sleep(REST)
             shot, files, strokes = wanted
             path = autosave_path(files)
             with contextlib.suppress(UsdslfError, OSError):  # a disk that is full is said when the layer is saved

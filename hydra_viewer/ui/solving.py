@@ -14,6 +14,7 @@ from hydra_viewer.model.work import finding
 from hydra_viewer.ui.worker import Job, Worker
 
 KIND, WARM = "solve", "warm"
+REST = 0.02  # seconds in which a stroke, or an answer, is shown
 
 
 class Solving(QObject):
@@ -63,7 +64,7 @@ class Solving(QObject):
         self._worker.cancel(WARM)
         folder, is_look_first = Path(self._folder.name), self._needs_look()
         steps = lambda: finding(shot, strokes, folder, is_look_first)  # noqa: E731
-        self._worker.start(Job(KIND, steps, self._take, self._fail, self._take))
+        self._worker.start(Job(KIND, steps, self._take, self._fail, self._take, rest=REST))
 
     def solve_again(self) -> None:
         """Finds anew what the strokes ask for, also where that was found already."""

@@ -33,6 +33,8 @@ class Job:
         steps: makes its generator, on the worker's thread.
         part, done, failed: told what is whole already, the result, or a sentence and the error; on the main thread.
         is_quiet: it is too short to be told of.
+        rest: seconds that it waits before it begins, and after each part, so that the main thread shows what there is
+            first: threads that compute in Python would make that take twice as long.
         is_alone: it cancels all others, and begins when they have ended.
         is_cancelled, has_ended: what became of it.
     """
@@ -43,6 +45,7 @@ class Job:
     failed: Callable[[str, BaseException], None]
     part: Callable[[Any], None] = lambda part: None
     is_quiet: bool = False
+    rest: float = 0.0
     is_alone: bool = False
     is_cancelled: threading.Event = field(default_factory=threading.Event)
     has_ended: threading.Event = field(default_factory=threading.Event)
@@ -144,9 +147,13 @@ class Worker(QObject):
         """On a thread."""
         steps = job.steps()
         try:
+            job.is_cancelled.wait(job.rest)
             while not job.is_cancelled.is_set():
                 told = next(steps)
-                self._told.emit(job, "progress" if isinstance(told, Progress) else "part", told)
+                is_part = not isinstance(told, Progress)
+                self._told.emit(job, "part" if is_part else "progress", told)
+                if is_part:
+                    job.is_cancelled.wait(job.rest)
             self._told.emit(job, "cancelled", None)
         except StopIteration as end:
             self._told.emit(job, "done", end.value)
