@@ -11,6 +11,7 @@ from PySide6.QtCore import (
     QObject,
     QPersistentModelIndex,
     Qt,
+    QTimer,
     Signal,
 )
 from PySide6.QtGui import QColor
@@ -112,7 +113,7 @@ class StagePanel(QWidget):
 
     def __init__(self, document: Document, parent: QWidget | None = None) -> None:
         super().__init__(parent)
-        self._document, self.model = document, StageModel(self)
+        self._document, self.model, self._filled = document, StageModel(self), EMPTY
         self.search, self.tree = QLineEdit(), QTreeView()
         self.search.setPlaceholderText(words.SEARCH)
         self.search.setClearButtonEnabled(True)
@@ -130,13 +131,16 @@ class StagePanel(QWidget):
         self.search.textChanged.connect(self._on_searched)
         self.tree.selectionModel().currentChanged.connect(self._on_current_changed)
         self.tree.doubleClicked.connect(self._on_double_clicked)
-        document.shot_changed.connect(self._fill)
+        document.shot_changed.connect(lambda: QTimer.singleShot(0, self, self._fill))  # the picture is asked for first
         document.selection_changed.connect(self._show_selection)
 
     def _fill(self) -> None:
-        tree = self._document.prims
-        self.model.show_tree(tree or EMPTY)
-        self.tree.expandToDepth(1)
+        """Shows another tree; at another frame it is the same, and stays as it was unfolded."""
+        tree = self._document.prims or EMPTY
+        if tree is not self._filled:
+            self._filled = tree
+            self.model.show_tree(tree)
+            self.tree.expandToDepth(1)
 
     def _on_searched(self, text: str) -> None:
         self.model.search(text)

@@ -166,7 +166,6 @@ class StrokesPanel(QWidget):
                 if item is not None and stroke.name == at:
                     self.tree.setCurrentItem(item, 0, QItemSelectionModel.SelectionFlag.NoUpdate)
         self._empty.setVisible(not strokes)
-        self.tree.setVisible(bool(strokes))
         self._say_understood()
         self._on_selected()
 

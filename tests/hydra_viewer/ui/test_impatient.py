@@ -84,7 +84,8 @@ def test_a_stroke_is_on_what_was_seen_when_the_camera_goes(window: Window) -> No
 
 
 def test_a_stroke_is_on_the_frame_that_was_seen(window: Window) -> None:
-    shot = window.document.shot
+    shot, panel = window.document.shot, window.stage_panel
+    panel.tree.collapse(panel.model.index(0, 0))
     press(window.painting.canvas, ON_TABLE)
     window.timeline.box.setValue(3.0)
     wait_for(lambda: window.document.shot is not shot)
@@ -94,6 +95,8 @@ def test_a_stroke_is_on_the_frame_that_was_seen(window: Window) -> None:
     window.document.change_strokes("cleared", ())
     window.timeline.box.setValue(1.0)
     wait_for(lambda: window.document.shot.scene.frame == 1.0)
+    QApplication.processEvents()
+    assert not panel.tree.isExpanded(panel.model.index(0, 0))  # it stays as it was unfolded
 
 
 def test_many_strokes_are_drawn_a_few_at_a_time_and_all_in_the_end(
