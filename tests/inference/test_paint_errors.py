@@ -13,7 +13,7 @@ from usdslf.inference.paint_errors import as_shown, paint_errors, refit_as_paint
 from usdslf.inference.residuals import relative_scale
 from usdslf.inference.solve import refit, refit_problem, relative_error
 from usdslf.inference.uncertainty import interval
-from usdslf.inference.varying import VaryingAnswer, asks_to_vary
+from usdslf.inference.varying import BestConstant, VaryingAnswer, asks_to_vary
 from usdslf.inference.weights import Options
 
 TRUE = np.array([0.12, -0.05, 0.2])  # change of the diffuse colour
@@ -134,6 +134,6 @@ def test_one_colour_over_uneven_light_is_no_wish_to_vary() -> None:
     exact = VaryingAnswer(Candidate(("diffuse",), cost=1e9), None, 0.0)  # type: ignore[arg-type]
     constant = Candidate(("diffuse",), np.full(3, 0.1), level=0, freedoms=3)
     assert relative_error(t, constant) > 0.5
-    assert not asks_to_vary(t, O, exact, constant)
+    assert not asks_to_vary(exact, BestConstant(t, O, constant))
     apart = replace(t, swatch=np.full(N, -1), has_one_color=~t.has_one_color)
-    assert asks_to_vary(apart, O, exact, constant)
+    assert asks_to_vary(exact, BestConstant(apart, O, constant))

@@ -43,6 +43,7 @@ def test_products_are_those_of_the_whole_matrix(
     one, other = (a.of_tables(tables, t.target, share) for a in (white, whole))
     for name in ("rest", "u", "v", "w"):
         np.testing.assert_allclose(getattr(one, name), getattr(other, name), atol=1e-9)
+    np.testing.assert_allclose(white.products_of_tables(tables, t.target, share), other.products(), atol=1e-8)
     off = tables.at_level(1).predict(change[0, 1], change[1, 1]) - t.target
     expected = white.matrix @ (share[:, 1] * off).ravel()
     np.testing.assert_allclose(one.at(*change)[1], expected, atol=1e-9)

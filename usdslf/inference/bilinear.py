@@ -252,7 +252,7 @@ def _of_dabs(e: Evidence, here: NDArray, d: F64, f0: F64, f90: F64, tied: bool, 
     mean = lambda x: mean_by(x, e.dab_of_sample)[:n][here]  # noqa: E731
     mine = np.isin(e.dab_of_sample, here)
     unchanging = mean(e.unchanging)[:, None]
-    if not mine.any() or max(np.ptp(x[mine], axis=0).max() for x in (d, f0, f90)) == 0:
+    if not mine.any() or all((x[mine] == x[np.argmax(mine)]).all() for x in (d, f0, f90)):
         of_dab = lambda x: np.broadcast_to(x[np.argmax(mine)], (len(here), 3))  # noqa: E731
         d, f0 = of_dab(d), of_dab(f0)  # the means come first: bilinear in the columns, and all weights alike
         b = bilinear(mean(e.columns), d, f0, of_dab(f90), tied, model)

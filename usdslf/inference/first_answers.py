@@ -32,7 +32,14 @@ from usdslf.inference.refits import is_painted, refit_answer
 from usdslf.inference.solve import enumerate_candidates, relative_error
 from usdslf.inference.tools import expected_error
 from usdslf.inference.unchanged import by_own_errors, may_be_unchanged
-from usdslf.inference.varying import VaryingAnswer, as_varying, asks_to_vary, places_of_dabs, varying_answers
+from usdslf.inference.varying import (
+    BestConstant,
+    VaryingAnswer,
+    as_varying,
+    asks_to_vary,
+    places_of_dabs,
+    varying_answers,
+)
 from usdslf.inference.weights import Options
 from usdslf.light_field.light_field import LightField
 from usdslf.light_field.renewal import renew
@@ -155,9 +162,10 @@ def _found_answer(pool: Pool, evidence: list[Evidence], painted: list[Painted], 
         candidates = [c for c in candidates if not c.freed]
     wanted = [ask.choose.get(e.stroke.name) or e.stroke.choice for e in mine]
     wanted = [w for w in wanted if w and not pool.is_held]
+    best_constant = BestConstant(tables, options, candidates[0])
     varied: list[VaryingAnswer] = []
     if not (pool.is_held or is_copied) and options.norm == "mixed":
-        constant = None if wanted else candidates[0]
+        constant = None if wanted else best_constant
         varied = _storable(pool, tables, options, constant, mine, ask)
     chosen, varying = candidates[0], None
     if wanted:
@@ -168,7 +176,7 @@ def _found_answer(pool: Pool, evidence: list[Evidence], painted: list[Painted], 
             raise StrokeError(f"{mine[0].stroke.path}: there is no alternative '{wanted[0]}'; choose one of {known}")
         chosen, varying = (other.mean, other.varying) if found is None and other else (found or chosen, None)
     else:
-        best = next((a for a in varied if asks_to_vary(tables, options, a, chosen)), None)
+        best = next((a for a in varied if asks_to_vary(a, best_constant)), None)
         chosen, varying = (best.mean, best.varying) if best else (chosen, None)
     none = next((c for c in candidates if c.id == "none"), Candidate(()))
     before = relative_error(tables, replace(none, level=tables.own))
@@ -180,7 +188,7 @@ def _found_answer(pool: Pool, evidence: list[Evidence], painted: list[Painted], 
 
 
 def _storable(
-    pool: Pool, tables: Tables, options: Options, constant: Candidate | None, mine: list[Evidence], ask: Asking,
+    pool: Pool, tables: Tables, options: Options, constant: BestConstant | None, mine: list[Evidence], ask: Asking,
 ) -> list[VaryingAnswer]:  # fmt: skip
     """The best answer of each parameter that varies and can be stored; says what is asked for and cannot be.
 
@@ -203,9 +211,9 @@ def _storable(
             continue
         if not storage.is_too_coarse:  # a smoother change could be stored no better
             refused.add(kind)
-        if constant is not None and asks_to_vary(tables, options, a, constant):
+        if constant is not None and asks_to_vary(a, constant):
             why[f"a {a.id}: {why_not}"] = None
-    if why and not (constant and any(asks_to_vary(tables, options, a, constant) for a in found.values())):
+    if why and not (constant and any(asks_to_vary(a, constant) for a in found.values())):
         ask.said.append(
             f"{', '.join(e.stroke.path for e in mine)}: the strokes ask for a change that varies over "
             f"{ask.scene.materials[pool.material].path}, which cannot be stored ({'; '.join(why)}); it is constant"

@@ -21,7 +21,7 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
-from usdslf.inference.bilinear import Bilinear, Tables
+from usdslf.inference.bilinear import Tables
 from usdslf.inference.candidate import GROUPS, Candidate, is_grey
 from usdslf.inference.least_squares import bounded_solutions
 from usdslf.inference.weights import Options
@@ -150,16 +150,15 @@ class Problem:
     def _whole(self, kind: Kind) -> tuple[Whitened, F64]:
         if kind not in self._whitened:
             t = self.tables
-            white = self._made_white(t.with_factors(*kind), np.ones((len(t.target), len(t.levels))))
+            share = np.broadcast_to(1 / t.scale[:, None], (len(t.target), len(t.levels), 3))
+            white = self.white.of_tables(t.with_factors(*kind), t.target, share)
             self._whitened[kind] = white, white.products()
         return self._whitened[kind]
 
-    def trusted(self, kind: Kind, levels: NDArray[np.int64], trust: F64) -> Whitened:
+    def trusted_products(self, kind: Kind, levels: NDArray[np.int64], trust: F64) -> F64:
         """Returns the same by trust (n, R) in each dab at each of the levels, 0..1."""
-        return self._made_white(self.tables.with_factors(*kind).levels(levels), trust)
-
-    def _made_white(self, b: Bilinear, trust: F64) -> Whitened:
-        return self.white.of_tables(b, self.tables.target, trust[..., None] / self.tables.scale[:, None])
+        b, t = self.tables.with_factors(*kind).levels(levels), self.tables
+        return self.white.products_of_tables(b, t.target, trust[..., None] / t.scale[:, None])
 
 
 def relative_residuals(t: Tables, c: Candidate) -> F64:
@@ -303,7 +302,7 @@ def _fits_of_kind(problem: Problem, rows: Rows, kind: Kind, trust: F64 | None) -
     if trust is None:
         products = problem.products(kind, rows.levels)
     else:
-        products = problem.trusted(kind, rows.levels, trust).products()
+        products = problem.trusted_products(kind, rows.levels, trust)
     dd, df = _held(t, zero, zero, rows)
     turn = rows.freed
     is_free, back = np.asarray(turn.any(1)), turn.transpose(0, 2, 1)

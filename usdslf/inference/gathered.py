@@ -7,6 +7,7 @@ undo or redo.  The least recently asked go when all of them are larger than the 
 
 from __future__ import annotations
 
+import functools
 import threading
 from collections import OrderedDict
 from collections.abc import Callable
@@ -80,6 +81,13 @@ def size_of(value: Any) -> int:
     """Returns the bytes of all arrays of a record or a sequence."""
     if isinstance(value, (tuple, list)):
         return sum(map(size_of, value))
-    if is_dataclass(value):
-        return sum(size_of(getattr(value, f.name)) for f in fields(value))
-    return int(getattr(value, "nbytes", 0))
+    names = _fields_of(type(value))  # type: ignore[arg-type]  # types can be hashed
+    if names is None:
+        return int(getattr(value, "nbytes", 0))
+    return sum(size_of(getattr(value, name)) for name in names)
+
+
+@functools.cache
+def _fields_of(kind: type) -> tuple[str, ...] | None:
+    """Names of a record's fields; None: it is no record."""
+    return tuple(f.name for f in fields(kind)) if is_dataclass(kind) else None

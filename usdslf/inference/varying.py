@@ -20,6 +20,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -205,7 +206,26 @@ def varying_answers(
     return sorted(found, key=lambda a: _plain_cost(o, a.mean) + OVER_TEXTURE * (a.varying.form == "value"))
 
 
-def asks_to_vary(t: Tables, o: Options, a: VaryingAnswer, constant: Candidate) -> bool:
+@dataclass(frozen=True, eq=False)
+class BestConstant:
+    """The best constant answer of a pool, that those which vary are held against."""
+
+    tables: Tables
+    options: Options
+    candidate: Candidate
+
+    @cached_property
+    def error(self) -> float:
+        """Its relative error."""
+        return error_of(self.tables, self.candidate)
+
+    @cached_property
+    def least_error(self) -> float:
+        """The same where its parameters are fitted to the dabs alone."""
+        return error_of(self.tables, refit(refit_problem(self.tables, self.options), self.candidate))
+
+
+def asks_to_vary(a: VaryingAnswer, constant: BestConstant) -> bool:
     """Whether an answer that varies is better than the best constant one.
 
     By their costs, if it foresees each dab from the others better than the constant has it: a few dabs in a highlight
@@ -213,10 +233,9 @@ def asks_to_vary(t: Tables, o: Options, a: VaryingAnswer, constant: Candidate) -
     many colours the best constant is as far off everywhere, which passes for a painter's drift.  Of dabs that share a
     colour the mean has to be met, as in everything else.
     """
-    if a.mean.cost < constant.cost and a.error_left_out < error_of(t, constant):
+    if a.mean.cost < constant.candidate.cost and a.error_left_out < constant.error:
         return True
-    best = error_of(t, refit(refit_problem(t, o), constant))
-    return best > HOPELESS and a.error_left_out < NEARER * best
+    return constant.least_error > HOPELESS and a.error_left_out < NEARER * constant.least_error
 
 
 def _error_left_out(t: Tables, v: Varying, leverage: F64) -> float:

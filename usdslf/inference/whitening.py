@@ -95,8 +95,8 @@ class White:
             share: (n, J, 3) that each residual is multiplied by before.
         """
         n, count = share.shape[:2]
-        rest, u, v, w = (x * share for x in (b.p - target[:, None], b.u, b.v, b.w))
         if self.whole is not None:
+            rest, u, v, w = (x * share for x in (b.p - target[:, None], b.u, b.v, b.w))
             parts = np.zeros((n, 3, count, 10))  # a channel's change moves that channel alone
             parts[..., 0] = rest.transpose(0, 2, 1)
             for k, x in enumerate((u, v, w)):
@@ -104,16 +104,39 @@ class White:
                     parts[:, channel, :, 1 + 3 * k + channel] = x[..., channel]
             white = (self.whole @ parts.reshape(3 * n, -1)).reshape(-1, count, 10).transpose(1, 0, 2)
             return Whitened(white[..., 0], white[..., 1:4], white[..., 4:7], white[..., 7:])
-        assert self.grey is not None and self.color is not None
-        turned, m = rest @ GREY_AND_COLORS.T, len(self.grey)
-        own = np.concatenate([u, v, w], 2)  # (n, J, 9)
-        of_grey = (self.grey @ np.concatenate([turned[..., :1], own], 2).reshape(n, -1)).reshape(m, count, 10)
-        of_color = (self.color @ np.concatenate([turned[..., 1:], own], 2).reshape(n, -1)).reshape(m, count, 11)
+        of_grey, of_color = self._by_axes(b, target, share)
+        m = len(of_grey)
         first = np.concatenate([of_grey[..., :1], of_color[..., :2]], 2)  # (m, J, axis)
         axes = np.stack([of_grey[..., 1:], of_color[..., 2:], of_color[..., 2:]], 1)  # (m, axis, J, 9)
         changes = axes.reshape(m, 3, count, 3, 3) * GREY_AND_COLORS[:, None, None]
         changes = np.ascontiguousarray(changes.transpose(3, 2, 0, 1, 4)).reshape(3, count, 3 * m, 3)
         return Whitened(first.transpose(1, 0, 2).reshape(count, 3 * m), *changes)
+
+    def products_of_tables(self, b: Bilinear, target: F64, share: F64) -> F64:
+        """Returns `of_tables(...).products()`, (J, 10, 10), from those along the axes of a dab."""
+        if self.whole is not None:
+            return self.of_tables(b, target, share).products()
+        (grey, color), out = self._by_axes(b, target, share), np.empty((share.shape[1], 10, 10))
+        of_grey, of_color = (np.asarray(x.transpose(1, 2, 0) @ x.transpose(1, 0, 2)) for x in (grey, color))
+        turn = np.tile(GREY_AND_COLORS, 3)  # of the axes, by columns of channels' own changes
+        out[:, 0, 0] = of_grey[:, 0, 0] + of_color[:, 0, 0] + of_color[:, 1, 1]
+        out[:, 0, 1:] = (
+            turn[0] * of_grey[:, 0, 1:] + turn[1] * of_color[:, 0, 2:] + turn[2] * of_color[:, 1, 2:]
+        )  # fmt: skip
+        out[:, 1:, 0] = out[:, 0, 1:]
+        by_color = np.outer(turn[1], turn[1]) + np.outer(turn[2], turn[2])
+        out[:, 1:, 1:] = np.outer(turn[0], turn[0]) * of_grey[:, 1:, 1:] + by_color * of_color[:, 2:, 2:]
+        return out
+
+    def _by_axes(self, b: Bilinear, target: F64, share: F64) -> tuple[F64, F64]:
+        """Rest and own changes of nine channels along grey (m, J, 1 + 9), and the same along colours (m, J, 2 + 9)."""
+        assert self.grey is not None and self.color is not None
+        (n, count), m = share.shape[:2], len(self.grey)
+        turned = ((b.p - target[:, None]) * share) @ GREY_AND_COLORS.T
+        own = np.concatenate([x * share for x in (b.u, b.v, b.w)], 2)  # (n, J, 9)
+        of_grey = (self.grey @ np.concatenate([turned[..., :1], own], 2).reshape(n, -1)).reshape(m, count, 10)
+        of_color = (self.color @ np.concatenate([turned[..., 1:], own], 2).reshape(n, -1)).reshape(m, count, 11)
+        return of_grey, of_color
 
 
 def whiten(t: Tables, o: Options) -> White:

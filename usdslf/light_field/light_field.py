@@ -141,7 +141,7 @@ class LightField:
             (_up(len(rows) * D),), (64,), self.device.upload(rows.astype(np.int32)), np.uint32(len(rows) * D), before,
             other.outgoing_d,
         )  # fmt: skip
-        other.set_surface(self.surface)
+        other.surface, other.emission_d, other._blocks = self.surface, self.emission_d, self._blocks
         other.waits[:] = self.waits
         self._spare.append((other, before))
 
