@@ -7,6 +7,7 @@ are at different steps at the same time.
 from __future__ import annotations
 
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from queue import SimpleQueue
 from time import perf_counter
@@ -20,6 +21,7 @@ from usdslf.progress import tell
 from usdslf.rays import LEAST_COSINE, RayTracer
 from usdslf.sampling.hemisphere import D, bin_directions
 from usdslf.scene.records import F32
+from usdslf.threads import map_ahead
 
 if TYPE_CHECKING:
     from usdslf.elements.elements import Elements
@@ -64,7 +66,8 @@ def trace_bins(
         wanted: tells which bins of some elements; asked on several threads; None: all.
     """
     n = len(elements)
-    seer = _Seer(elements, lookup, tracer, device)
+    workers = tracer.threads + (tracer.threads > 1)  # one of them waits for the device most of the time
+    seer = _Seer(elements, lookup, tracer, device, workers)
 
     def see(first: int) -> int:
         rows = slice(first, min(first + BATCH, n))
@@ -73,9 +76,10 @@ def trace_bins(
         return seer.see((np.flatnonzero(wanted(rows)) + first * D).astype(np.uint32), hit)
 
     total = 0
-    for first, count in tracer.map_ahead(see, range(0, n, BATCH)):
-        total += count
-        tell(min(first + BATCH, n) / n)
+    with ThreadPoolExecutor(workers) as pool:
+        for first, count in map_ahead(pool, see, range(0, n, BATCH), 2 * workers):
+            total += count
+            tell(min(first + BATCH, n) / n)
     return total
 
 
@@ -129,10 +133,12 @@ class _RayMaker:
 class _Seer:
     """Traces rays of bins and names what they hit, on several threads, each in a room of its own."""
 
-    def __init__(self, elements: Elements, lookup: ElementLookup, tracer: RayTracer, device: Device) -> None:
+    def __init__(
+        self, elements: Elements, lookup: ElementLookup, tracer: RayTracer, device: Device, workers: int
+    ) -> None:  # fmt: skip
         self._maker, self._tracer, self._tables = _RayMaker(elements, tracer, device), tracer, lookup.upload(device)
         self._rooms: SimpleQueue[_Room] = SimpleQueue()
-        for _ in range(tracer.threads):
+        for _ in range(workers):
             self._rooms.put(_Room(device, BATCH * D))
         self._kernels = [device.kernel("visibility", k) for k in ("entries_of_hits", "nearest_of_hits", "pack_hits")]
 
