@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from collections.abc import Callable
@@ -65,3 +66,13 @@ def test_the_list_of_commands_waits_for_no_arrays() -> None:
     code = "import sys, usdslf.cli.main; print({'numpy', 'pxr', 'pyopencl', 'scipy'} & sys.modules.keys())"
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert run.stdout.strip() == "set()"
+
+
+@pytest.mark.parametrize("asked", [None, "3"])
+def test_linear_algebra_leaves_the_processors_to_the_device(asked: str | None) -> None:
+    """Its threads wait by turning; where somebody asks for more they are there."""
+    code = "import os, usdslf.cli.main as m; m.main(['--version']); print(os.environ['OPENBLAS_NUM_THREADS'])"
+    environment = {k: v for k, v in os.environ.items() if k != "OPENBLAS_NUM_THREADS"}
+    environment |= {"OPENBLAS_NUM_THREADS": asked} if asked else {}
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, env=environment)
+    assert run.stdout.splitlines()[-1] == (asked or "1")

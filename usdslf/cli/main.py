@@ -6,6 +6,7 @@ line, and a traceback only with --debug.
 
 from __future__ import annotations
 
+import os
 import signal
 import sys
 import threading
@@ -35,6 +36,9 @@ from usdslf.cli.terminal import log_as_warnings
 from usdslf.errors import InputError, UsdslfError
 from usdslf.progress import forget_interrupt, interrupt
 
+BLAS_THREADS = "OPENBLAS_NUM_THREADS"
+"""One, where nothing else is asked: threads of numpy's linear algebra wait by turning, on the device's processors."""
+
 
 @click.group(cls=Program, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(usdslf.__version__, prog_name="usdslf")
@@ -53,6 +57,8 @@ for command in COMMANDS:
 def main(arguments: list[str] | None = None) -> int:
     """Runs the program and returns its exit code."""
     options = Settings()
+    if "numpy" not in sys.modules:  # which reads it once
+        os.environ.setdefault(BLAS_THREADS, "1")
     forget_interrupt()
     on_main = threading.current_thread() is threading.main_thread()
     before = signal.signal(signal.SIGINT, interrupt) if on_main else None
