@@ -96,12 +96,14 @@ def test_sizes_of_errors_follow_the_paint() -> None:
     t = dull_tables(rng)
     wave = np.sin(5 * t.place[:, :1]) * np.ones(3)
     seen = []
-    for error in (0 * wave, 0.12 * wave, 0.06 * rng.standard_normal((N, 3))):
+    grey = 0.05 * rng.standard_normal((N, 1)) + 0.02 * rng.standard_normal((N, 3))
+    for error in (0 * wave, 0.12 * wave, 0.06 * rng.standard_normal((N, 3)), grey):
         u, first = painted(t, error)
         seen.append(paint_errors(as_shown(u, first), O, first))
-    exact, drift, rough = seen
+    exact, drift, rough, grey_dabs = seen
     assert exact.alike < 0.1 < drift.alike
     assert exact.own < 0.2 and drift.own < 0.2 < rough.own
+    assert grey_dabs.alike < 0.15 and grey_dabs.own > 0.2  # which is no drift
 
 
 def test_a_dab_that_is_far_off_loses_its_trust_and_moves_nothing() -> None:

@@ -87,6 +87,8 @@ def test_dabs_of_a_swatch_are_found_and_gradients_are_none() -> None:
     assert got[1] == got[4] == -1
     assert (swatches(np.linspace(0.1, 0.2, 30)[:, None] * np.ones(3), False) == -1).all()
     assert (swatches(np.full((4, 3), 0.2), True) == 0).all()
+    palette = swatches(np.array([red] * 8 + [blue] * 6 + [[0.3, 0.3, 0.3]] * 2 + [[0.2, 0.3, 0.3]]), False)
+    assert np.bincount(palette).tolist().count(0) == 0 and sorted(np.bincount(palette)) == [1, 2, 6, 8]
 
 
 def test_probabilities_follow_costs() -> None:

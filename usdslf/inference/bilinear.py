@@ -23,6 +23,7 @@ from usdslf.scene.records import F64
 from usdslf.surfaces.reflectance import is_metal, model_of
 
 SHARED = 3  # dabs of one colour that were painted with one swatch, and do not say how they differ
+PALETTE = 0.8  # share of a stroke's dabs that do so, above which the others have a swatch of their own
 MOST_SWATCHES = 1 << 16  # of a stroke
 TEXTURED = 5e-3  # standard deviation of a reflectance over the dabs, above which it varies
 
@@ -271,6 +272,8 @@ def _of_dabs(e: Evidence, here: NDArray, d: F64, f0: F64, f90: F64, tied: bool, 
 def swatches(colors: F64, is_even: bool) -> NDArray[np.int64]:
     """Returns which colour (n,) each dab shares with SHARED - 1 others or more, -1 where it has one of its own.
 
+    Where nearly all share one, the others were painted from the same palette: a pair, or a dab, is a swatch as well.
+
     Args:
         colors: (n, 3) that were painted.
         is_even: all count as one colour.
@@ -280,7 +283,8 @@ def swatches(colors: F64, is_even: bool) -> NDArray[np.int64]:
     step = 1e-3 * max(float(np.abs(colors).mean()), 1e-9)
     _, which, count = np.unique(np.round(colors / step), axis=0, return_inverse=True, return_counts=True)
     which = which.reshape(-1)
-    return np.where(count[which] >= SHARED, which, -1)
+    shares = count[which] >= SHARED
+    return np.where(shares | (shares.mean() >= PALETTE), which, -1)
 
 
 def bilinear(columns: NDArray[np.floating], d: F64, f0: F64, f90: F64, tied: bool, model: str) -> Bilinear:

@@ -6,17 +6,19 @@
 Paint is what a surface shows times 1 + error, so that residuals are relative to what the candidate shows, and an error
 has the covariance, over dabs i, j and channels,
 
-    C = a s_i s_j (drift^2 exp(-ROUGH |x_i - x_j| / l) 1 + tint^2 I) + b dab^2 I / trust^2 + SURE^2 I    (of one stroke)
-        + q_i q_j + (OF_DOUBT q_i)^2 I
+    C = a s_i s_j (drift^2 exp(-ROUGH |x_i - x_j| / l) 1 + tint^2 I) + b dab^2 K / trust^2 + SURE^2 I    (of one stroke)
+        + q_i q_j + (OF_DOUBT q_i)^2 K,    K = k 1 + (1 - k) I
 
 where 1 and I go over the channels, q is what renderers do not agree on (doubt.py), of which who made the picture shows
 one share everywhere, and s is what is shown over what residuals are relative to: that has a floor, beside
 which an error of all paint is less of a dark dab than of a bright one; without s a stroke that is too dark as a whole
-would look like a weaker highlight.  How large a and b are is read off the residual in the part of it that neither the
-candidate's parameters nor the brightness of a whole stroke can explain (restricted maximum likelihood, averaged over a
-grid), so that a careful painter is believed and a careless one is heard for the contrast.  A dab that is far off what
-its neighbours say (an edge, a thin part) loses trust.  Dabs that share a swatch count as their mean.  The exponential
-keeps rough errors possible: with a smoother one, small steps among dabs would prove large drifts.
+would look like a weaker highlight.  What one dab errs by may be mostly grey (k is 0 or GREY), as the evidence saw more
+or less of a light: with errors of three channels apart that would be drift, and exact paint of a bumpy surface
+careless.  How large a and b are, and k, is read off the residual in the part of it that neither the candidate's
+parameters nor the brightness of a whole stroke can explain (restricted maximum likelihood, averaged over a grid), so
+that a careful painter is believed and a careless one is heard for the contrast.  A dab that is far off what its
+neighbours say (an edge, a thin part) loses trust.  Dabs that share a swatch count as their mean.  The exponential keeps
+rough errors possible: with a smoother one, small steps among dabs would prove large drifts.
 
 Source: Patterson and Thompson 1971 (restricted likelihood); Aitken 1935 (generalized least squares); Lange, Little and
 Taylor 1989 (trust by Student's t).
@@ -49,12 +51,13 @@ ROUGH = 0.7  # of the inverse length of drift, which the exponential needs to be
 SURE = 0.01  # relative error that all dabs may share, and twice that which each has: the light field's own
 OF_POINTS = 0.4  # of the standard error of a dab's points, which lie apart and so err less than as many at random
 SLACK = 1.4  # by which the variance of dabs with colours of their own grows, as t's scale is less than its width
-OF_SWATCH = 0.8  # of the variance of what a swatch shows (natural logarithms) that its mean is uncertain by
+OF_SWATCH = 0.5  # of the variance of what a swatch shows (natural logarithms) that its mean is uncertain by
 DEGREES = 2.0  # of freedom of Student's t
 ROUNDS = 3
 COLOR_GAIN = 16.0  # misfit for which a grey specular change becomes coloured; grey paint gains 9 at most
 COLORED = 0.05  # range of the channels of F0 that is a colour
 CAREFUL = 0.035  # relative residual of paint that is fitted as it is: the light field's own error
+GREY = 0.8  # correlation of a dab's own errors in two channels, where they are mostly grey
 AT_END = 1e-4  # of 0 and 1, where a colour is held
 UNSAID = 3.0  # relative error of channels that are held there
 GROWN = (0.0, 16.0)  # times which what is in doubt may grow with a colour
@@ -67,17 +70,20 @@ MOST_GROUPS = 96  # dabs and swatches that a and b are read off
 class PaintErrors:
     """Covariance of relative residuals of m dabs and swatches of n dabs, and the columns of what is free.
 
-    C = s s' (kron(shared, 1) + kron(tinted, I)) + kron(sure, I) + q q' + single, with 1 and I over the channels.
+    C = s s' (kron(shared, 1) + kron(tinted, I)) + kron(sure, I) + q q' + sqrt(single) kron(I, K) sqrt(single) + unsaid,
+    with 1, I and K over the channels.
     """
 
     together: F64 | None  # (m, n) takes the mean of dabs that share a swatch; None: all are alone
     alike: float  # a
     own: float  # b
+    grey: float  # k
     trust: F64  # (m,) 0..1
     shared: F64  # (m, m) brightness that drifts
     tinted: F64  # (m, m)
     sure: F64  # (m, m)
-    single: F64  # (m, 3) variances
+    single: F64  # (m, 3) variances of a dab's own errors, which are mostly grey
+    unsaid: F64  # (m, 3) variances of channels that say nothing
     share: F64  # (m, 3) s
     doubt: F64  # (m, 3) q
 
@@ -85,16 +91,18 @@ class PaintErrors:
     def covariance(self) -> F64:
         """The whole of it (3 m, 3 m)."""
         alike = np.kron(self.shared, np.ones((3, 3))) + np.kron(self.tinted, np.eye(3))
-        own = np.kron(self.sure, np.eye(3)) + np.diag(self.single.reshape(-1))
+        size = np.sqrt(self.single).reshape(-1)
+        own = np.kron(self.sure, np.eye(3)) + np.diag(self.unsaid.reshape(-1))
+        own += np.outer(size, size) * np.kron(np.eye(len(self.single)), mostly_grey(3, self.grey))
         return np.outer(self.share, self.share) * alike + np.outer(self.doubt, self.doubt) + own
 
     @cached_property
     def root(self) -> White:
         """What makes relative residuals of dabs and swatches independent, of unit variance."""
-        if max(np.ptp(x, axis=1).max(initial=0) for x in (self.single, self.share, self.doubt)) == 0:
-            both = np.outer(self.share[:, 0], self.share[:, 0])
-            color = both * self.tinted + self.sure + np.diag(self.single[:, 0])
-            alike = both * self.shared + np.outer(self.doubt[:, 0], self.doubt[:, 0])
+        if max(np.ptp(x, axis=1).max(initial=0) for x in (self.single, self.share, self.doubt, self.unsaid)) == 0:
+            both, single = np.outer(self.share[:, 0], self.share[:, 0]), np.diag(self.single[:, 0])
+            color = both * self.tinted + self.sure + (1 - self.grey) * single + np.diag(self.unsaid[:, 0])
+            alike = both * self.shared + np.outer(self.doubt[:, 0], self.doubt[:, 0]) + self.grey * single
             return white_of_axes(3 * alike + color, color)
         return White(None, None, inverse_root(self.covariance))
 
@@ -267,18 +275,24 @@ def paint_errors(t: Tables, o: Options, c: Candidate, trust: F64 | None = None) 
     usual = (USUAL_OF_ONE if t.has_one_color.all() else USUAL_OF_SWATCHES) if of_swatches else USUAL
     some = np.arange(m) if m <= MOST_GROUPS else np.linspace(0, m - 1, MOST_GROUPS).round().astype(int)
     free, apart = np.flatnonzero(~held), np.ix_(some, some)
-    y, k = (heard[:, None] * residual)[some][:, free].reshape(-1), len(free)
+    y, k = (heard[:, None] * residual)[some][:, free], len(free)
     by = heard[some, None] * heard[some]
     alike = np.kron(by * drift[apart], np.ones((k, k))) + np.kron(by * o.tint_error**2 * same[apart], np.eye(k))
     alike *= np.outer(share[some][:, free], share[some][:, free])
-    a, b = _sizes(y, explained[some][:, free].reshape(len(y), -1), alike, usual)
+    a, b, grey = _sizes(y, explained[some][:, free], alike, usual)
     b = max(b, (2 * SURE / o.dab_error) ** 2)
-    single = ((1.0 if of_swatches else SLACK) * b / own**2)[:, None] + UNSAID**2 * held
+    single = ((1.0 if of_swatches else SLACK) * b / own**2)[:, None] + np.zeros(3)
     if together is not None:
         single = single + _of_swatch_means(t, c, together)
     single = np.maximum(single, vague) + (OF_DOUBT * doubt) ** 2
     tinted = a * o.tint_error**2 * same
-    return PaintErrors(together, a, b, trust, a * drift, tinted, SURE**2 * same, single, share, doubt)
+    unsaid = np.broadcast_to(UNSAID**2 * held, (m, 3))
+    return PaintErrors(together, a, b, grey, trust, a * drift, tinted, SURE**2 * same, single, unsaid, share, doubt)
+
+
+def mostly_grey(channels: int, grey: float) -> F64:
+    """K: correlation (channels, channels) of a dab's own errors."""
+    return np.asarray((1 - grey) * np.eye(channels) + grey)
 
 
 def doubt_of(t: Tables, c: Candidate) -> F64:
@@ -337,25 +351,39 @@ def _shared_by(at: bytes, group: bytes, drift_length: float, drift_error: float)
     return drift, same
 
 
-def _sizes(y: F64, explained: F64, alike: F64, usual: tuple[float, float]) -> tuple[float, float]:
-    """Sizes a and b of errors a `alike` + b I in y (k,), of which columns (k, p) may explain anything.
+def _sizes(y: F64, explained: F64, alike: F64, usual: tuple[float, float]) -> tuple[float, float, float]:
+    """Sizes a and b of errors a `alike` + b K in y (m, k), of which columns (m, k, p) may explain anything; k of K.
 
     Args:
         usual: middle of what a and b are where y says little.
     """
-    left, sizes, _ = np.linalg.svd(explained, full_matrices=False)
+    greys = (0.0, GREY) if y.shape[1] > 1 else (0.0,)
+    logs = np.concatenate([_chances(y, explained, alike, grey) for grey in greys], 1)
+    a, b = (x.reshape(-1, 1) for x in np.meshgrid(SIZES_ALIKE, SIZES_OWN, indexing="ij"))
+    of_a, of_b = np.log(a / usual[0]) / SPREAD, np.log(b / usual[1]) / SPREAD
+    logs -= 0.5 * (of_a**2 + of_b**2 - 2 * TOGETHER * of_a * of_b) / (1 - TOGETHER**2)
+    chance = np.exp(logs - logs.max())
+    chance /= chance.sum()
+    grey = float((chance.sum(0) * greys).sum())
+    return float((chance * np.sqrt(a)).sum() ** 2), float((chance * np.sqrt(b)).sum() ** 2), grey
+
+
+def _chances(y: F64, explained: F64, alike: F64, grey: float) -> F64:
+    """Logarithms (A B, 1) of how likely y is with each of the sizes, where a dab's channels have a correlation."""
+    m, k = y.shape
+    mean = np.full((k, k), 1 / k)
+    w = mean / np.sqrt(1 + (k - 1) * grey) + (np.eye(k) - mean) / np.sqrt(1 - grey)  # makes them independent
+    columns, even = (w @ explained).reshape(m * k, -1), (y @ w).reshape(-1)
+    turned = (w @ (alike.reshape(m, k, m, k) @ w).reshape(m, k, -1)).reshape(m * k, -1)
+    left, sizes, _ = np.linalg.svd(columns, full_matrices=False)
     rank = int((1e-9 * sizes.max(initial=1e-30) < sizes).sum())
     rest = np.linalg.qr(left[:, :rank], mode="complete").Q[:, rank:]
-    size, turn = np.linalg.eigh(rest.T @ alike @ rest)
-    seen = (turn.T @ (rest.T @ y)) ** 2
+    size, turn = np.linalg.eigh(rest.T @ turned @ rest)
+    seen = (turn.T @ (rest.T @ even)) ** 2
     a, b = (x.reshape(-1, 1) for x in np.meshgrid(SIZES_ALIKE, SIZES_OWN, indexing="ij"))
     variance = a * np.maximum(size, 0) + b
     log = -0.5 * (np.log(variance) + seen / variance).sum(1, keepdims=True)
-    of_a, of_b = np.log(a / usual[0]) / SPREAD, np.log(b / usual[1]) / SPREAD
-    log -= 0.5 * (of_a**2 + of_b**2 - 2 * TOGETHER * of_a * of_b) / (1 - TOGETHER**2)
-    chance = np.exp(log - log.max())
-    chance /= chance.sum()
-    return float((chance * np.sqrt(a)).sum() ** 2), float((chance * np.sqrt(b)).sum() ** 2)
+    return np.asarray(log + m * np.linalg.slogdet(w)[1] - np.log(sizes[:rank]).sum())
 
 
 def _trust(t: Tables, o: Options, c: Candidate, errors: PaintErrors) -> F64:
@@ -363,6 +391,7 @@ def _trust(t: Tables, o: Options, c: Candidate, errors: PaintErrors) -> F64:
     residual = errors.seen(relative_residuals(t, c).reshape(-1))
     count = np.bincount(t.group)
     variance = errors.own * o.dab_error**2 / (count * errors.trust**2)
-    own = np.repeat(variance, 3) * (errors.root.transposed(errors.root @ residual))
-    size = (own.reshape(-1, 3) ** 2).sum(1) * count / (errors.own * o.dab_error**2)
+    weighed = errors.root.transposed(errors.root @ residual).reshape(-1, 3)
+    own = (weighed @ mostly_grey(3, errors.grey) * weighed).sum(1)
+    size = variance**2 * own * count / (errors.own * o.dab_error**2)
     return np.sqrt(np.minimum(1, (DEGREES + 3) / (DEGREES + size)))
