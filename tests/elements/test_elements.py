@@ -160,6 +160,14 @@ def test_in_a_closed_room_the_inside_lives_by_its_lamp():
     assert set(np.unique(e.side)) == {-1, 1}
 
 
+def test_each_of_many_closed_rooms_lives_by_a_lamp_of_its_own():
+    at = np.arange(12) * 3.0
+    rooms = [box((x - 1, -1, -1), (x + 1, 1, 1), inward=True, path=f"/room_{x:.0f}") for x in at]
+    _, e = sample(make_scene(*rooms, lights=[lamp(height=0.9, at=(x, 0)) for x in at]), 480)
+    assert (e.side > 0).all()
+    assert np.bincount(e.mesh, minlength=12).min() > 30  # of 40
+
+
 def test_what_a_camera_sees_has_elements_even_unlit():
     scene = make_scene(box(inward=True), lights=[lamp(height=9, up=True)])
     look = np.eye(4)

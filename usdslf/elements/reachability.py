@@ -89,8 +89,7 @@ def _trace_paths(
     path = np.arange(len(origin))
     for _ in range(BOUNCES):
         if lights:
-            light = lights[rng.integers(len(lights))]
-            point, facing = _sample_light_point(light, len(path), rng)
+            point, facing = _sample_lights(lights, len(path), rng)
             back = ((origin - point) * facing).sum(1) < 0
             lit = ~back & _sees(tracer, origin, normal, point)
             met[path[lit]] = True
@@ -123,6 +122,19 @@ def _sees(tracer: RayTracer, origin: NDArray, normal: NDArray, target: NDArray) 
     rows = np.flatnonzero(out)
     out[rows] = ~tracer.occluded(origin[rows], direction[rows], distance[rows] * (1 - 1e-4))
     return out
+
+
+def _sample_lights(lights: list[Light], n: int, rng: np.random.Generator) -> tuple[F64, F64]:
+    """Returns points (n, 3) of lights and the ways they shine (n, 3), each point of a light of its own choice.
+
+    One light for all would leave what another one lights dark, wherever that one is not chosen in any round.
+    """
+    chosen = rng.integers(len(lights), size=n) if len(lights) > 1 else np.zeros(n, np.int64)
+    points, ways = np.empty((n, 3)), np.empty((n, 3))
+    for number in np.unique(chosen):
+        rows = np.flatnonzero(chosen == number)
+        points[rows], ways[rows] = _sample_light_point(lights[number], len(rows), rng)
+    return points, ways
 
 
 def _sample_light_point(light: Light, n: int, rng: np.random.Generator) -> tuple[F64, F64]:
