@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import signal
 import subprocess
@@ -11,6 +12,8 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
+
+from usdslf.textures import temporary_files
 
 pytest.importorskip("fcntl", reason="abandoned folders are told from others by locks that Windows does not have")
 
@@ -46,3 +49,21 @@ def test_a_killed_process_folder_goes_with_the_next_one_and_a_living_one_stays(t
         assert in_use.is_dir()
         living.communicate("\n")
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_drive_without_locks_serves_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: object) -> None:
+        raise OSError(errno.ENOLCK, "No locks available")
+
+    monkeypatch.setattr(temporary_files, "_folders", {})
+    monkeypatch.setattr("fcntl.flock", refuse)
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    made = temporary_files.folder()
+    assert made.parent == tmp_path and made == temporary_files.folder() and list(made.iterdir()) == []
+    os.utime(made, LONG_AGO)
+    monkeypatch.undo()
+    monkeypatch.setattr(temporary_files, "_folders", {})
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    temporary_files.folder()
+    assert made.is_dir(), "nobody's to remove"
+    temporary_files._remove()
