@@ -77,7 +77,8 @@ class Canvas(QWidget):
         self._shows: NDArray[np.int32] | None = None  # which mesh each of some pixels shows
         self._gesture: Gesture | None = None
         self._button = LEFT  # that it began with
-        self._painted_on: tuple[str, Shot, Camera] | None = None  # stage, shot and camera of the stroke under way
+        # What the stroke under way is painted on: stage and stroke layer, shot, camera.
+        self._painted_on: tuple[tuple[str, str], Shot, Camera] | None = None
         self._is_resizing_key_down = False
         self._is_held = self._has_let_go = False
         self._instead: Shown | None = None
@@ -243,13 +244,19 @@ class Canvas(QWidget):
         gesture, on, view, document = self._gesture, self._painted_on, self.easel.view, self.document
         if not isinstance(gesture, Paint) or on is None or view is None:
             return
-        stage, shot, camera = on
+        files, shot, camera = on
         if document.shot is not shot or view.camera is not camera:
             self._gesture = None
-            if document.files.stage == stage:
+            if self._files == files:
                 gesture.release((0.0, 0.0))
             else:
                 gesture.cancel()
+            self._painted_on = None
+
+    @property
+    def _files(self) -> tuple[str, str]:
+        """Stage and stroke layer that are open."""
+        return self.document.files.stage, self.document.files.strokes
 
     def take_color(self, at: At) -> None:
         """Takes the colour of the picture for the brush, scene-linear."""
@@ -296,7 +303,7 @@ class Canvas(QWidget):
             return Click(self.take_color, at)
         if self.document.shot is None:
             return None
-        self._painted_on = self.document.files.stage, self.document.shot, easel.view.camera
+        self._painted_on = self._files, self.document.shot, easel.view.camera
         return Paint(self, at, pressure)
 
     def _press(self, button: Qt.MouseButton, held: Qt.KeyboardModifier, at: At, pressure: float = 1.0) -> None:
@@ -315,6 +322,7 @@ class Canvas(QWidget):
         gesture, self._gesture = self._gesture, None
         if gesture is not None:
             gesture.release(at)
+        self._painted_on = None  # which would keep a shot that is closed
 
     def mousePressEvent(self, event: QMouseEvent) -> None:
         self._press(event.button(), event.modifiers(), _at(event.position()))
