@@ -147,7 +147,8 @@ def reopening(
 def make_ready(shot: Shot) -> None:
     """Makes what pictures of a shot, and painting on it, need."""
     _ = shot.scene.bounds, shot.tracer, shot.light_field, shot.light_set, shot.camera()
-    shown_colors([COLOR], DisplaySettings(), shot_color(shot))  # the first colour takes long
+    with suppress(UsdslfError):  # the picture says what is wrong with a display
+        shown_colors([COLOR], DisplaySettings(), shot_color(shot))  # the first colour takes long
 
 
 def warming(shot: Shot) -> Generator[Progress, None, None]:

@@ -71,7 +71,11 @@ class Explaining(QObject):
         document.found_changed.connect(self._take_found)
         document.strokes_changed.connect(self._strokes_changed)
         document.shot_changed.connect(self._shot_changed)
-        worker.idle_changed.connect(lambda is_idle: self.groups_changed.emit() if is_idle else None)
+        worker.idle_changed.connect(self._take_idle)
+
+    def _take_idle(self, is_idle: bool) -> None:
+        if is_idle:
+            self.groups_changed.emit()
 
     def _forget(self) -> None:
         self.groups: tuple[Understood, ...] = ()

@@ -31,6 +31,19 @@ LEAST_PRESSURE = 0.1
 LAYING, DRAWING = 0.015, 0.01  # seconds at a time in which strokes are laid on the picture, and drawn
 
 
+class _Same:
+    """Equal to what holds the same object; it holds it, so that no other one gets its address."""
+
+    def __init__(self, held: object) -> None:
+        self._held = held
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Same) and other._held is self._held
+
+    def __hash__(self) -> int:
+        return id(self._held)
+
+
 @dataclass(frozen=True, eq=False)
 class _Layer:
     """Strokes that are drawn.
@@ -90,7 +103,7 @@ class Overlay(QWidget):
         self._ring_of: tuple[Pick | None, Camera | None] = None, None
         self._ring_size = 0.0, 0
         self._laid: dict[int, Marks] = {}  # by stroke
-        self._laid_as: tuple[int, ...] = ()
+        self._laid_as: tuple[object, ...] = ()
         self._colors: dict[tuple[float, ...], QColor] = {}
         for announcer in (document.shot_changed, easel.display_changed):
             announcer.connect(self._colors.clear)
@@ -198,7 +211,7 @@ class Overlay(QWidget):
         """
         shot = self._document.shot
         assert shot is not None
-        key = (id(camera), id(shot), self.width(), self.height())
+        key = (_Same(camera), _Same(shot), self.width(), self.height())
         known = self._laid if key == self._laid_as else {}
         size, until = (self.width(), self.height()), time.perf_counter() + LAYING
         self._laid, self._laid_as = {}, key
