@@ -238,7 +238,7 @@ class RayTracer:
 
     def _run_chunks(self, n: int, run: Callable[[slice], None]) -> None:
         parts = max(-(-n // CHUNK), min(self.threads, n // FEWEST), 1)
-        if parts > 1:  # as many for each thread
+        if parts > self.threads:  # as many for each thread
             parts = -(-parts // self.threads) * self.threads
         size = max(-(-n // parts), 1)
         slices = [slice(a, min(a + size, n)) for a in range(0, n, size)]

@@ -46,7 +46,7 @@ def write_template(found: Plan, path: str | os.PathLike[str]) -> str:
     target = Path(path)
     if target.suffix.lower() not in (".yaml", ".yml", ".json"):
         raise InputError(f"{target} is no template; end its name in .yaml or .json")
-    if not os.path.isfile(found.manifest):
+    if not found.is_file:
         raise InputError("tasks on other machines read a manifest, and this plan has no file of one; write one as TOML")
     check_place(target)
     files = read_together(reads_of(job) for job in found.jobs).files

@@ -38,6 +38,7 @@ class Plan:
         why: name of each job -> why it has to be run, in words; "" where its result stands.
         limits: of each job.
         workers: jobs at a time.
+        is_file: whether the manifest is one.
     """
 
     manifest: str
@@ -46,6 +47,7 @@ class Plan:
     why: Mapping[str, str]
     limits: Limits
     workers: int
+    is_file: bool = True
 
     @property
     def to_run(self) -> tuple[Job, ...]:
@@ -85,7 +87,7 @@ def plan(
     why = {job.name: why_to_run(job, hashes) for job in jobs}
     hashes.keep()
     limits, count = _limits(found, workers, len(jobs))
-    return Plan(str(found.path), folder, tuple(jobs), why, limits, count)
+    return Plan(str(found.path), folder, tuple(jobs), why, limits, count, not isinstance(manifest, Mapping))
 
 
 def why_to_run(job: Job, hashes: Callable[[str], str]) -> str:
