@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import atexit
 import hashlib
+import shutil
 import tempfile
-from functools import lru_cache
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -115,9 +117,12 @@ def add_two_instances(stage: Usd.Stage, root: str = "") -> None:
     stage.GetRootLayer().Save()
 
 
+@cache
 def image_file() -> str:
-    """An image that can be read."""
-    return str(write_image(Path(tempfile.mkdtemp(prefix="usdslf_")) / "map.png", np.full((2, 2, 3), 0.5)))
+    """An image that can be read; it goes when the process ends."""
+    folder = tempfile.mkdtemp(prefix="usdslf_")
+    atexit.register(shutil.rmtree, folder, True)
+    return str(write_image(Path(folder) / "map.png", np.full((2, 2, 3), 0.5)))
 
 
 # ---- changes and their effect --------------------------------------------------------------------
