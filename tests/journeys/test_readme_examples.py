@@ -10,6 +10,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from kit.batch_shots import write_look
+from kit.joint_shots import AFTER, BEFORE, LAMPS, painted, ring, write_asset, write_shot
 from kit.look_stages import shown
 from kit.stage_parts import StageBuilder, rectangle
 from kit.varying_floor import GREY, add_lamp, part, places
@@ -26,7 +28,9 @@ SMALLER = {
     "(900, 450)": "(48, 24)", "(450, 225)": "(24, 12)", "(300, 100, 600, 300)": "(16, 8, 32, 16)",
     "frames(64": "frames(2",
     'on_cluster("tcp://farm:8786")': "in_this_process",
+    "together]}))": "together], **smaller}), in_this_process)",
 }  # fmt: skip
+SMALLER_JOBS = {"pictures": False, "options": {"elements": 64, "bounces": 1}}
 BATCH = """output = "looks"
 elsewhere = ["studio.hdr"]
 pictures = false
@@ -41,7 +45,7 @@ strokes = ["strokes.usda"]
 
 @pytest.fixture
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """A floor and a patch beside it, each painted; two artists, another shot, a sky, a manifest."""
+    """A floor and a patch beside it, each painted; two artists, other shots, a sky, a manifest, an asset."""
     b = StageBuilder(tmp_path)
     for name, left in (("floor", -1.0), ("patch", 0.0)):
         b.mesh(name, rectangle((left, 0, 1), (1, 0, 0), (0, 0, -2)), b.material(name, **GREY))
@@ -57,6 +61,14 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     sky = b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n-Y 8 +X 16\n" + bytes((128, 128, 128, 129)) * 8 * 16
     (tmp_path / "studio.hdr").write_bytes(sky)  # radiance 1 everywhere
     (tmp_path / "batch.toml").write_text(BATCH)
+    (tmp_path / "shots/010").mkdir(parents=True)
+    shutil.copy(tmp_path / "shot.usda", tmp_path / "shots/010/shot.usda")
+    write_look(tmp_path / "teapot_look.usda")
+    asset = write_asset(tmp_path / "set", BEFORE)
+    for name in ("over", "wide"):
+        shot = write_shot(tmp_path / "set" / name, asset, LAMPS[name])
+        dabs = painted(ring("ring6"), LAMPS[name], AFTER["glossiness"])
+        usdslf.write_strokes(tmp_path / "set" / name / "strokes.usda", [dabs], Usd.Stage.Open(str(shot)))
     opened, small = Shot.open, {"elements": 64, "bounces": 1}
     monkeypatch.setattr(Shot, "open", staticmethod(lambda stage, *a, **k: opened(stage, *a, **(small | k))))
     monkeypatch.setattr("usdslf.review.review.ReviewSettings", partial(ReviewSettings, size=(48, 27), frames=1))
@@ -72,11 +84,17 @@ def test_they_do_what_they_say(folder: Path, capsys: pytest.CaptureFixture[str])
         assert of in "".join(blocks), of
         blocks = [block.replace(of, into) for block in blocks]
     names: dict[str, Any] = {"in_this_process": lambda jobs, found, tell: ((job, run_job(job)) for job in jobs)}
+    names["smaller"] = SMALLER_JOBS
     for number, block in enumerate(blocks):
         exec(compile(block, f"README.md, example {number + 1}", "exec"), names)
     said = capsys.readouterr().out
     assert names["picture"].shape == (27, 48, 3)
     assert names["found"].job("shot") and names["summary"].count("done") == 1 and not names["summary"].failed
+    jobs = names["looks"]
+    assert not jobs.failed and [r.job for r in jobs.rows if r.kind in ("propagate", "settle")] == [
+        "accepted/010",
+        "teapot/look",
+    ]
     assert names["rebase"].edits == () and "shot done" in said
     assert "<html" in (folder / "review.html").read_text(encoding="utf-8")
     assert len(usdslf.read_strokes(folder / "both.usda")) == 4 and (folder / "farm.yaml").is_file()
