@@ -28,7 +28,6 @@ from usdslf.render.live.gather import BATCH, Draw, GatherRoom, gather_batch
 from usdslf.render.live.materials import MaterialTable
 from usdslf.render.live.noise import Noise
 from usdslf.render.live.scene import GROUP, Geometry, Hits, LiveScene, SentLight, groups
-from usdslf.render.live.side_by_side import Rooms
 from usdslf.render.live.view import Rows, Window, fill_rows, see_lights, send_rays
 from usdslf.render.settings import AOVS, LAYERS, LitScene, PictureOptions, Quality
 from usdslf.scene.cameras import pixel_size
@@ -98,7 +97,7 @@ class StillPicture:
         self.samples = size[0] * a, size[1] * a
         light = SentLight.of(geometry, field, options.footprint * area)
         self.scene = LiveScene(geometry, MaterialTable.of(geometry.pool, lit.scene.materials), light)
-        self._rooms, self._frames = Rooms(geometry), RAYS * self.quality.rays
+        self._room, self._frames = GatherRoom(geometry), RAYS * self.quality.rays
         materials = lit.scene.materials
         glow = [not isinstance(m.emissive_color, np.ndarray) or m.emissive_color.max() > 0 for m in materials]
         self._is_plain = all(m.is_opaque for m in materials) and not any(glow)  # light is all that there is
@@ -261,7 +260,7 @@ class StillPicture:
         self, rows: Rows, there: NDArray[np.uint32], sums: _Sums, count: int, turn: int
     ) -> Iterator[None]:  # fmt: skip
         """Adds frames to the sums of some rows, one by one; `turn` says which numbers they draw, 0: the sums' first."""
-        g = self.scene.geometry
+        g, room = self.scene.geometry, self._room
         for frame in range(count):
             further, step = divmod(frame, MOST_FRAMES)
             of_turn, seed = min(MOST_FRAMES, count - further * MOST_FRAMES), turn + 1000 * self.options.seed
@@ -269,19 +268,17 @@ class StillPicture:
                 further + 1000 + seed, r.SET * of_turn, of_turn, step, 0, NEAR_TILE**2 - 1, True, True, True,
                 self.options.depth, frame + 1 + seed,
             )  # fmt: skip
-            is_first = np.int32(frame == 0 and turn == 0)
 
-            def work(room: GatherRoom, first: int, draw: Draw = draw, is_first: np.int32 = is_first) -> None:
-                def add(in_batch: int) -> None:
-                    g.kernel("live_still", "add_samples")(
-                        groups(in_batch), (GROUP,), np.uint32(in_batch), room.rows, *g.sources.arrays[:3], is_first,
-                        rows.surface, room.to_sources.length, room.to_sources.blocked, room.shone, room.lobes.length,
-                        room.drawn, room.arrived, self.scene.light.arriving_d, *sums.arrays, sums.sent,
-                    )  # fmt: skip
+            def add(in_batch: int, is_first: bool = frame == 0 and turn == 0) -> None:
+                g.kernel("live_still", "add_samples")(
+                    groups(in_batch), (GROUP,), np.uint32(in_batch), room.rows, *g.sources.arrays[:3],
+                    np.int32(is_first), rows.surface, room.to_sources.length, room.to_sources.blocked, room.shone,
+                    room.lobes.length, room.drawn, room.arrived, self.scene.light.arriving_d, *sums.arrays, sums.sent,
+                )  # fmt: skip
 
+            for first in range(0, len(there), BATCH):
                 gather_batch(self.scene, room, rows, there[first : first + BATCH], draw, add)
-
-            self._rooms.each(work, range(0, len(there), BATCH))
+                tell()
             yield
 
     def _filtered(self, light: Shared, width: int, rows: Rows, listed: Shared, window: Window) -> Shared:
