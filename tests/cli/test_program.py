@@ -68,11 +68,13 @@ def test_the_list_of_commands_waits_for_no_arrays() -> None:
     assert run.stdout.strip() == "set()"
 
 
-@pytest.mark.parametrize("asked", [None, "3"])
+@pytest.mark.parametrize("asked", [None, "OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"])
 def test_linear_algebra_leaves_the_processors_to_the_device(asked: str | None) -> None:
     """Its threads wait by turning; where somebody asks for more they are there."""
-    code = "import os, usdslf.cli.main as m; m.main(['--version']); print(os.environ['OPENBLAS_NUM_THREADS'])"
-    environment = {k: v for k, v in os.environ.items() if k != "OPENBLAS_NUM_THREADS"}
-    environment |= {"OPENBLAS_NUM_THREADS": asked} if asked else {}
+    names = ("OPENBLAS_NUM_THREADS", "GOTO_NUM_THREADS", "OMP_NUM_THREADS")
+    code = f"import os, usdslf.cli.main as m; m.main(['--version']); print([os.environ.get(n) for n in {names}])"
+    environment = {k: v for k, v in os.environ.items() if k not in names}
+    environment |= {asked: "3"} if asked else {}
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, env=environment)
-    assert run.stdout.splitlines()[-1] == (asked or "1")
+    wanted = {asked: "3"} if asked else {names[0]: "1"}
+    assert run.stdout.splitlines()[-1] == str([wanted.get(name) for name in names])
