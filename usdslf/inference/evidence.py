@@ -17,6 +17,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from usdslf.gpu.launch import GROUP, groups
 from usdslf.inference.samples import SHARPEST, Beside, Samples
 from usdslf.light_field.light_field import LightField
 from usdslf.light_field.storage import constants_of
@@ -133,7 +134,7 @@ def arriving_light(samples: Samples, field: LightField, specular: bool = False) 
     light_d, count = device.empty(shape, np.float32), shape[0] * shape[2]
     fixed_d = of.fixed_specular_d if specular else of.fixed_d
     device.kernel("evidence", "add_arriving", **model_of(field.model).constants, **constants_of(field.outgoing_d))(
-        (-(-count // 64) * 64,), (64,), np.uint32(count), np.uint32(of.rays), np.uint32(shape[2]), fixed_d, of.gain_d,
+        groups(count), (GROUP,), np.uint32(count), np.uint32(of.rays), np.uint32(shape[2]), fixed_d, of.gain_d,
         of.links_d, of.weights_d, field.outgoing_d, light_d,
     )  # fmt: skip
     return light_d
@@ -187,7 +188,7 @@ def _columns(
     parameters = lobe_parameter(model, levels).astype(np.float32)
     kernel = device.kernel("evidence", "columns", **model_of(model).constants)
     kernel(
-        (-(-s // 64) * 64,), (64,), device.upload(eye.astype(np.float32)), device.upload(light_row.astype(np.int32)),
+        groups(s), (GROUP,), device.upload(eye.astype(np.float32)), device.upload(light_row.astype(np.int32)),
         towards_d, light_d, device.upload(parameters), np.uint32(light_d.shape[2] // 16),
         np.uint32(j), np.uint32(s), out_d,
     )  # fmt: skip

@@ -18,10 +18,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from usdslf.gpu.launch import GROUP, groups
 from usdslf.inference.pictured import Pictured
 from usdslf.progress import tell
 from usdslf.render.live.gather import BATCH, follow
-from usdslf.render.live.scene import GROUP, Shadows, groups
+from usdslf.render.live.scene import Shadows
 from usdslf.sampling.low_discrepancy import random_shifts, sobol_points
 from usdslf.surfaces.reflectance import lobe_parameter
 from usdslf.surfaces.surface_points import SurfacePoints

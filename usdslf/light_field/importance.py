@@ -19,12 +19,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdslf.elements.elements import Elements
+from usdslf.gpu.launch import GROUP, groups
 from usdslf.light_field.light_field import LightField
 from usdslf.light_field.links import element_of, is_link
 from usdslf.light_field.surface import albedo
 
 REFLECTIONS = 2  # that are followed; each costs a look at all links
-GROUP = 64  # work-items of a group
 
 
 def seen_from(field: LightField, links: NDArray, weights: NDArray) -> NDArray[np.float64]:
@@ -56,7 +56,7 @@ def _mean_of_seen(field: LightField, value: NDArray) -> NDArray[np.float64]:
     device, n = field.device, len(value)
     mean_d, most = device.empty((n,), np.float32), max(float(value.max(initial=0)), 1e-300)
     device.kernel("importance", "mean_of_seen")(
-        (-(-n // GROUP) * GROUP,), (GROUP,), field.hit_d, device.upload((value / most).astype(np.float32)),
+        groups(n), (GROUP,), field.hit_d, device.upload((value / most).astype(np.float32)),
         field.cosine_d, np.uint32(n), mean_d,
     )  # fmt: skip
     return most * device.download(mean_d).astype(np.float64)

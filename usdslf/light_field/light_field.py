@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from usdslf.elements.elements import Elements
 from usdslf.elements.lookup import DeviceLookup, ElementLookup
 from usdslf.gpu.device import Device, Kernel
+from usdslf.gpu.launch import GROUP, groups
 from usdslf.light_field.blocks import LANES, Blocks, Chunk, blocks_of_surface, blocks_of_weights
 from usdslf.light_field.incoming import Incoming
 from usdslf.light_field.links import follow_links, link_rays
@@ -138,8 +139,8 @@ class LightField:
             return
         rows = np.unique(np.concatenate([np.zeros(0, np.int64), *other.renewed]))
         self._kernel("put_back")(
-            (_up(len(rows) * D),), (64,), self.device.upload(rows.astype(np.int32)), np.uint32(len(rows) * D), before,
-            other.outgoing_d,
+            groups(len(rows) * D), (GROUP,), self.device.upload(rows.astype(np.int32)), np.uint32(len(rows) * D),
+            before, other.outgoing_d,
         )  # fmt: skip
         other.surface, other.emission_d, other._blocks = self.surface, self.emission_d, self._blocks
         other.waits[:] = self.waits
@@ -151,7 +152,7 @@ class LightField:
         n = len(self.elements)
         change_d = self.device.upload(np.asarray(emission - self.surface.emission, np.float32))
         self._kernel("emit_more")(
-            (_up(n * D),), (64,), change_d, np.uint32(n * D), other.outgoing_d
+            groups(n * D), (GROUP,), change_d, np.uint32(n * D), other.outgoing_d
         )
         return other
 
@@ -236,7 +237,7 @@ class LightField:
             self._blocks = blocks_of_surface(device, self.surface, self.model, np.arange(n))
         self.reflect(self._blocks)
         self._kernel("difference")(
-            (_up(n),), (64,), self.outgoing_d, scratch.next_d, np.uint32(n), scratch.difference_d
+            groups(n), (GROUP,), self.outgoing_d, scratch.next_d, np.uint32(n), scratch.difference_d
         )
         self.outgoing_d, scratch.next_d = scratch.next_d, self.outgoing_d
         self.waits[:], self.renewed = 0, None
@@ -330,7 +331,7 @@ class LightField:
         """Returns the light that some elements (r,) send now, over bins and channels."""
         device, n = self.device, len(rows)
         rows_d, sum_d = device.upload(rows.astype(np.int32)), device.empty((max(n, 1),), np.float32)
-        self._kernel("sum_of_elements")((_up(n),), (64,), rows_d, self.outgoing_d, np.uint32(n), sum_d)
+        self._kernel("sum_of_elements")(groups(n), (GROUP,), rows_d, self.outgoing_d, np.uint32(n), sum_d)
         found: NDArray[np.float32] = device.download(sum_d)[:n]
         return found
 
@@ -386,7 +387,3 @@ class LightField:
         if len(triangle) == 0:
             return np.zeros((0, 3), np.float32)
         return self.follow_links(*self.link_hits(triangle, barycentric, direction))
-
-
-def _up(n: int) -> int:
-    return -(-n // 64) * 64

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from usdslf.elements.lookup import BLEND, DeviceLookup
 from usdslf.gpu.device import Device
+from usdslf.gpu.launch import GROUP, groups
 from usdslf.light_field.storage import constants_of
 from usdslf.sampling.hemisphere import D
 
@@ -21,7 +22,6 @@ ESCAPES = np.uint32(0xFFFFFFFF)
 BLOCKED = np.uint32(0xFFFFFFFE)
 BIN_BITS = D.bit_length() - 1
 MOST_ELEMENTS = 1 << (32 - BIN_BITS)  # whose links fit, less the two that are none
-GROUP = 64  # work-items of a group
 
 
 def is_link(links: NDArray) -> NDArray[np.bool_]:
@@ -53,7 +53,7 @@ def link_rays(
     link_d = device.empty((max(n, 1), BLEND), np.uint32)
     weight_d = device.empty((max(n, 1), BLEND), np.float32)
     device.kernel("links", "link_rays")(
-        (-(-n // GROUP) * GROUP,), (GROUP,), np.uint32(n), device.upload(np.asarray(triangle, np.int32)),
+        groups(n), (GROUP,), np.uint32(n), device.upload(np.asarray(triangle, np.int32)),
         device.upload(np.asarray(barycentric, np.float32)), device.upload(np.asarray(direction, np.float32)),
         tables.face_normal_d, tables.corners_d, tables.cells_of_triangle_d, tables.entry_of_cell_d,
         tables.cell_count, tables.elements_of_entry_d, tables.position_d, tables.frames_d, link_d, weight_d,
@@ -66,5 +66,5 @@ def follow_links(device: Device, links_d: Any, weights_d: Any, sender_d: Any) ->
     n = links_d.shape[0]
     radiance_d = device.empty((n, 3), np.float32)
     kernel = device.kernel("links", "follow_links", **constants_of(sender_d))
-    kernel((-(-n // GROUP) * GROUP,), (GROUP,), links_d, weights_d, sender_d, np.uint32(n), radiance_d)
+    kernel(groups(n), (GROUP,), links_d, weights_d, sender_d, np.uint32(n), radiance_d)
     return device.download(radiance_d)

@@ -28,6 +28,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from usdslf.gpu.launch import GROUP, groups
 from usdslf.light_field.blocks import blocks_of_surface
 from usdslf.light_field.light_field import LightField
 from usdslf.light_field.storage import constants_of
@@ -39,7 +40,6 @@ TOLERANCE = 1e-3  # of the light field (L1), that may wait
 BLOCK = 4  # bins on a side, over which a change is averaged to judge what it brings
 EVEN = 0.9  # of diffuse reflection, that Fresnel's laws leave even
 KEPT_WAITING = 0.7  # of the tolerance: that a bounce leaves, so that what it sends may be the last
-GROUP = 64  # work-items of a group
 
 
 @dataclass(frozen=True)
@@ -121,10 +121,10 @@ def _reflect_anew(field: LightField, rows: NDArray) -> None:
     row_of = np.zeros(n, np.int32)
     row_of[rows] = 1 + np.arange(count)
     kernel("take_rows")(
-        (_up(count * blocks),), (GROUP,), rows_d, np.uint32(count * blocks), next_d, field.outgoing_d, change_d
+        groups(count * blocks), (GROUP,), rows_d, np.uint32(count * blocks), next_d, field.outgoing_d, change_d
     )
     kernel("arriving_change")(
-        (_up(n),), (GROUP,), field.hit_d, device.upload(row_of), change_d, field.cosine_d, np.uint32(n), arriving_d
+        groups(n), (GROUP,), field.hit_d, device.upload(row_of), change_d, field.cosine_d, np.uint32(n), arriving_d
     )
     if field.renewed is not None:
         field.renewed.append(rows)
@@ -132,7 +132,3 @@ def _reflect_anew(field: LightField, rows: NDArray) -> None:
     summed, all_of = device.download(arriving_d).T
     even = EVEN * diffuse_albedo(field.surface)
     field.waits += D * (even * summed + np.maximum(albedo(field.surface) - even, 0) * all_of)
-
-
-def _up(n: int) -> int:
-    return -(-n // GROUP) * GROUP

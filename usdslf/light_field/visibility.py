@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from usdslf.gpu.launch import GROUP, groups
 from usdslf.gpu.shared import Shared
 from usdslf.progress import tell
 from usdslf.rays import LEAST_COSINE, RayTracer
@@ -29,7 +30,6 @@ if TYPE_CHECKING:
     from usdslf.gpu.device import Device
 
 BATCH = 16  # elements whose rays are traced and looked up at once: all of it stays in the second-level cache
-GROUP = 64  # work-items of a group
 
 Wanted = Callable[[slice], NDArray]
 """rows of elements -> which of their bins (n, D)."""
@@ -122,7 +122,7 @@ class _RayMaker:
         room.ray.host[:count] = numbers
         room.ray.push()
         self._kernel(
-            (-(-count // GROUP) * GROUP,), (GROUP,), np.uint32(count), room.ray, np.float32(LEAST_COSINE),
+            groups(count), (GROUP,), np.uint32(count), room.ray, np.float32(LEAST_COSINE),
             *self._of_elements_d, room.origin, room.direction,
         )  # fmt: skip
         room.origin.pull()
@@ -160,7 +160,7 @@ class _Seer:
 
     def _name(self, room: _Room, count: int) -> None:
         entries_of_hits, nearest_of_hits, pack_hits = self._kernels
-        t, size, n = self._tables, ((-(-count // GROUP) * GROUP,), (GROUP,)), np.uint32(count)
+        t, size, n = self._tables, (groups(count), (GROUP,)), np.uint32(count)
         entries_of_hits(
             *size, n, room.direction, room.triangle, room.u, room.v, t.face_normal_d, t.cells_of_triangle_d,
             t.entry_of_cell_d, t.cell_count, room.found,

@@ -16,6 +16,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from usdslf.color import luminance
+from usdslf.gpu.launch import GROUP, groups
 from usdslf.light_field.light_field import LightField
 from usdslf.light_field.storage import constants_of
 from usdslf.lights.sources import LightSet
@@ -31,7 +32,6 @@ if TYPE_CHECKING:
 BLOCKS = D // BLOCK**2
 SHARE = 0.5  # of the rays that are not drawn from a specular lobe
 EVEN = 0.05  # of the guided rays, spread evenly
-GROUP = 64
 ABOUT = 6  # elements that say how bright it is about each
 
 
@@ -55,8 +55,7 @@ class LightGuide:
         light_d = device.empty((n, BLOCKS, 3), np.float32)
         fixed_d, emitted_d = field.fixed_d, device.upload(luminance(field.surface.emission))
         kernel = device.kernel("guide", "guiding_light", BLOCK=BLOCK, **constants_of(fixed_d))
-        size = -(-n * BLOCKS // GROUP) * GROUP
-        kernel((size,), (GROUP,), np.uint32(n * BLOCKS), field.hit_d, mean_d, fixed_d, emitted_d, light_d)
+        kernel(groups(n * BLOCKS), (GROUP,), np.uint32(n * BLOCKS), field.hit_d, mean_d, fixed_d, emitted_d, light_d)
         arrives, escapes, total = np.moveaxis(device.download(light_d), 2, 0)
         arriving = (total.sum(1) / bin_directions()[:, 2].sum()).astype(np.float32)
         arriving = np.maximum(arriving, mean_about(arriving, field.elements))

@@ -10,12 +10,12 @@ from typing import Any
 
 import numpy as np
 
+from usdslf.gpu.launch import GROUP, groups
 from usdslf.light_field.light_field import LightField
 from usdslf.light_field.storage import constants_of
 from usdslf.sampling.hemisphere import D
 
 BLOCK = 4  # bins on a side
-GROUP = 64
 
 
 def mean_of_blocks(field: LightField) -> Any:
@@ -24,6 +24,5 @@ def mean_of_blocks(field: LightField) -> Any:
     blocks = D // BLOCK**2
     mean_d = field.device.empty((n, blocks, 3), np.float32)
     kernel = field.device.kernel("wide_field", "average_bins", BLOCK=BLOCK, **constants_of(field.outgoing_d))
-    size = -(-n * blocks // GROUP) * GROUP
-    kernel((size,), (GROUP,), np.uint32(n * blocks), field.outgoing_d, mean_d)
+    kernel(groups(n * blocks), (GROUP,), np.uint32(n * blocks), field.outgoing_d, mean_d)
     return mean_d

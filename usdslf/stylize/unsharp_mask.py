@@ -26,6 +26,7 @@ from scipy.spatial import cKDTree
 from usdslf.edits.edits import FREED
 from usdslf.elements.elements import Elements
 from usdslf.errors import AuthorError, InputError
+from usdslf.gpu.launch import GROUP, groups
 from usdslf.light_field.light_field import LightField
 from usdslf.light_field.renewal import renew
 from usdslf.light_field.storage import constants_of
@@ -162,14 +163,14 @@ def mask_light(field: LightField, near: Surroundings, amount: float) -> Any:
     size = 4 * n * D * 4
     device.require(12 * n * D * 4, f"stylizing {n} elements", size)
     first_d, other_d, weight_d = (device.upload(x) for x in (near.first, near.other, near.weight))
-    groups, up64 = D // 16, -(-n // 64) * 64
-    shown_d, detail_d = device.empty((groups, n, 4, 16), np.float32), device.empty((groups, n, 3, 16), np.float32)
-    wanted_d, asked_d = device.empty((n, D, 3), np.float32), device.empty((groups, n), np.int32)
+    parts = D // 16
+    shown_d, detail_d = device.empty((parts, n, 4, 16), np.float32), device.empty((parts, n, 3, 16), np.float32)
+    wanted_d, asked_d = device.empty((n, D, 3), np.float32), device.empty((parts, n), np.int32)
     place_d, bins_d = device.empty((n, D), np.uint16), device.empty((n, D), np.int16)
     position_d = device.upload(np.ascontiguousarray(field.elements.position, np.float32))
     directions_d = device.upload(bin_directions().astype(np.float32))
     stored = constants_of(field.outgoing_d)
-    kernel = lambda name, *a: device.kernel("unsharp_mask", name, **stored)((D, n), (64, 1), *a)  # noqa: E731
+    kernel = lambda name, *a: device.kernel("unsharp_mask", name, **stored)((D, n), (GROUP, 1), *a)  # noqa: E731
     light, links = (field.emission_d, field.outgoing_d), (field.hit_d, position_d, np.float32(near.radius))
     count = np.uint32(n)
     kernel("place_bins", field.frames_d, directions_d, *links, count, place_d)
@@ -182,7 +183,7 @@ def mask_light(field: LightField, near: Surroundings, amount: float) -> Any:
             kernel("ask", place_d, number, count, asked_d)
             kernel("show", bins_d, *half, *light, *links, np.int32(hidden), count, shown_d)
             device.kernel("unsharp_mask", "take_surroundings", **stored)(
-                (up64, groups), (64, 1), first_d, other_d, weight_d, shown_d, asked_d, count, detail_d
+                (*groups(n), parts), (GROUP, 1), first_d, other_d, weight_d, shown_d, asked_d, count, detail_d
             )
             kernel("add_detail", place_d, *light, number, count, detail_d, np.float32(amount), wanted_d)
             device.finish()
@@ -310,9 +311,8 @@ def take_misfit(field: LightField, wanted_d: Any) -> F64:
     """Takes squared distances (N, 2) of the reflected light of now from what is wanted, and of that from darkness."""
     device, n = field.device, len(field.elements)
     misfit_d = device.empty((n, 2), np.float32)
-    size = -(-n // 64) * 64
     device.kernel("unsharp_mask", "misfit", **constants_of(field.outgoing_d))(
-        (size,), (64,), field.emission_d, field.outgoing_d, wanted_d, np.uint32(n), misfit_d
+        groups(n), (GROUP,), field.emission_d, field.outgoing_d, wanted_d, np.uint32(n), misfit_d
     )
     return np.asarray(device.download(misfit_d), np.float64)
 

@@ -8,10 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdslf.gpu.device import Device
+from usdslf.gpu.launch import GROUP, groups
 from usdslf.gpu.shared import Shared
 from usdslf.rays import points_at
 from usdslf.render.live import records as r
-from usdslf.render.live.scene import GROUP, Hits, LiveScene, groups
+from usdslf.render.live.scene import Hits, LiveScene
 from usdslf.render.live.view import Rows, View, fill_rows, fill_soft, see_lights, send_rays
 from usdslf.render.settings import LAYERS
 from usdslf.scene.records import F32

@@ -11,11 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdslf.elements.lookup import BLEND
+from usdslf.gpu.launch import GROUP, groups
 from usdslf.gpu.shared import Shared
 from usdslf.render.guide import SHARE
 from usdslf.render.live import records as r
 from usdslf.render.live.closer import counting
-from usdslf.render.live.scene import GROUP, Geometry, Hits, LiveScene, Shadows, groups
+from usdslf.render.live.scene import Geometry, Hits, LiveScene, Shadows
 from usdslf.render.live.view import Rows
 from usdslf.render.settings import MAX_DEPTH
 from usdslf.sampling.low_discrepancy import random_shifts, scrambled_points, sobol_points

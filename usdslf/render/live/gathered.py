@@ -15,10 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d
 
+from usdslf.gpu.launch import GROUP, groups
 from usdslf.gpu.shared import Shared
 from usdslf.render.live import records as r
 from usdslf.render.live.gather import Columns
-from usdslf.render.live.scene import GROUP, LiveScene, fresnel_shares, groups
+from usdslf.render.live.scene import LiveScene, fresnel_shares
 from usdslf.render.live.view import Rows, View, Window
 
 WINDOW = 8  # pixels on a side that the filter looks at: those that share a set of numbers

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdslf.errors import InputError
+from usdslf.gpu.launch import GROUP, groups
 from usdslf.gpu.shared import Shared
 from usdslf.light_field.light_field import LightField
 from usdslf.lights.sources import LightSet, SurfaceEmission
@@ -29,7 +30,7 @@ from usdslf.render.live.closer import look_closer
 from usdslf.render.live.gather import BATCH, Draw, GatherRoom, add_frame, gather_batch
 from usdslf.render.live.gathered import BORDER, Gathered, Group, Share, fewest_frames
 from usdslf.render.live.materials import MaterialTable
-from usdslf.render.live.scene import GROUP, Geometry, LiveScene, SentLight, groups
+from usdslf.render.live.scene import Geometry, LiveScene, SentLight
 from usdslf.render.live.view import View, Window, look
 from usdslf.render.settings import LitScene
 from usdslf.scene.records import F32, Camera, Material

@@ -12,6 +12,7 @@ import numpy as np
 from usdslf.color import luminance
 from usdslf.elements.lookup import DeviceLookup
 from usdslf.gpu.device import Device, Kernel
+from usdslf.gpu.launch import GROUP, groups
 from usdslf.gpu.shared import Shared
 from usdslf.light_field.light_field import LightField
 from usdslf.light_field.storage import constants_of
@@ -26,13 +27,6 @@ from usdslf.render.settings import FOOTPRINT
 from usdslf.render.wide_field import mean_of_blocks
 from usdslf.scene.records import F32, Material, Scene
 from usdslf.surfaces.reflectance import directional_albedo, lobe_parameter, model_of
-
-GROUP = 64
-
-
-def groups(count: int) -> tuple[int]:
-    """Returns the global size of a launch of at least `count` work-items."""
-    return (-(-count // GROUP) * GROUP,)
 
 
 @dataclass(frozen=True)

@@ -19,6 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from usdslf.gpu.launch import GROUP, groups
 from usdslf.gpu.shared import Shared
 from usdslf.lights.sources import LightSet
 from usdslf.progress import tell
@@ -27,7 +28,7 @@ from usdslf.render.live import records as r
 from usdslf.render.live.gather import BATCH, Draw, GatherRoom, gather_batch
 from usdslf.render.live.materials import MaterialTable
 from usdslf.render.live.noise import Noise
-from usdslf.render.live.scene import GROUP, Geometry, Hits, LiveScene, SentLight, groups
+from usdslf.render.live.scene import Geometry, Hits, LiveScene, SentLight
 from usdslf.render.live.view import Rows, Window, fill_rows, see_lights, send_rays
 from usdslf.render.settings import AOVS, LAYERS, LitScene, PictureOptions, Quality
 from usdslf.scene.cameras import pixel_size

@@ -14,10 +14,11 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from usdslf.gpu.launch import GROUP, groups
 from usdslf.gpu.shared import Shared
 from usdslf.progress import tell
 from usdslf.render.live import records as r
-from usdslf.render.live.scene import GROUP, Hits, LiveScene, groups
+from usdslf.render.live.scene import Hits, LiveScene
 from usdslf.scene.cameras import film_window, pixel_size
 from usdslf.scene.records import Camera
 
