@@ -5,7 +5,8 @@
 #define BLOCKS_ON_SIDE (SIDE / BLOCK)
 #define BLOCK_COUNT (BLOCKS_ON_SIDE * BLOCKS_ON_SIDE) /* of an element */
 
-inline uint block_of(uint bin) { return bin / SIDE / BLOCK * BLOCKS_ON_SIDE + bin % SIDE / BLOCK; }
+#define BLOCK_OF(bin) ((bin) / SIDE / BLOCK * BLOCKS_ON_SIDE + (bin) % SIDE / BLOCK) /* of one, or of several side by side */
+inline uint block_of(uint bin) { return BLOCK_OF(bin); }
 
 /* the bin of column x and row y in block b */
 inline int bin_in_block(uint b, uint x, uint y)

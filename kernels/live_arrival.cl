@@ -67,7 +67,7 @@ inline float3 known_by(SCENE_PARAMETERS, FIELD_PARAMETERS, float3 d, int t, floa
     uint4 bin = bins_back(frames, who, d);
     float3 a, b, c, e;
     if (pdf < WIDE_PDF) {
-        uint4 at = who * BLOCK_COUNT + bin / SIDE / BLOCK * BLOCKS_ON_SIDE + bin % SIDE / BLOCK; /* block_of */
+        uint4 at = who * BLOCK_COUNT + BLOCK_OF(bin);
         a = load3(mean, at.x); b = load3(mean, at.y); c = load3(mean, at.z); e = load3(mean, at.w);
     } else {
         uint4 at = who * D_BINS + bin;
