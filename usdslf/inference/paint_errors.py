@@ -358,8 +358,8 @@ def _sizes(y: F64, explained: F64, alike: F64, usual: tuple[float, float]) -> tu
         usual: middle of what a and b are where y says little.
     """
     greys = (0.0, GREY) if y.shape[1] > 1 else (0.0,)
-    logs = np.concatenate([_chances(y, explained, alike, grey) for grey in greys], 1)
     a, b = (x.reshape(-1, 1) for x in np.meshgrid(SIZES_ALIKE, SIZES_OWN, indexing="ij"))
+    logs = np.concatenate([_chances(y, explained, alike, (a, b), grey) for grey in greys], 1)
     of_a, of_b = np.log(a / usual[0]) / SPREAD, np.log(b / usual[1]) / SPREAD
     logs -= 0.5 * (of_a**2 + of_b**2 - 2 * TOGETHER * of_a * of_b) / (1 - TOGETHER**2)
     chance = np.exp(logs - logs.max())
@@ -368,8 +368,8 @@ def _sizes(y: F64, explained: F64, alike: F64, usual: tuple[float, float]) -> tu
     return float((chance * np.sqrt(a)).sum() ** 2), float((chance * np.sqrt(b)).sum() ** 2), grey
 
 
-def _chances(y: F64, explained: F64, alike: F64, grey: float) -> F64:
-    """Logarithms (A B, 1) of how likely y is with each of the sizes, where a dab's channels have a correlation."""
+def _chances(y: F64, explained: F64, alike: F64, ab: tuple[F64, F64], grey: float) -> F64:
+    """Logarithms (n, 1) of how likely y is with sizes a (n, 1), b (n, 1) and correlation `grey` of K."""
     m, k = y.shape
     mean = np.full((k, k), 1 / k)
     w = mean / np.sqrt(1 + (k - 1) * grey) + (np.eye(k) - mean) / np.sqrt(1 - grey)  # makes them independent
@@ -380,7 +380,7 @@ def _chances(y: F64, explained: F64, alike: F64, grey: float) -> F64:
     rest = np.linalg.qr(left[:, :rank], mode="complete").Q[:, rank:]
     size, turn = np.linalg.eigh(rest.T @ turned @ rest)
     seen = (turn.T @ (rest.T @ even)) ** 2
-    a, b = (x.reshape(-1, 1) for x in np.meshgrid(SIZES_ALIKE, SIZES_OWN, indexing="ij"))
+    a, b = ab
     variance = a * np.maximum(size, 0) + b
     log = -0.5 * (np.log(variance) + seen / variance).sum(1, keepdims=True)
     return np.asarray(log + m * np.linalg.slogdet(w)[1] - np.log(sizes[:rank]).sum())
