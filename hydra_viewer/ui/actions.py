@@ -64,7 +64,6 @@ class Actions:
         self.by_name[words_of[0]] = action
         return action
 
-
     def list_too(self, made: Sequence[QAction]) -> None:
         """Lists actions of the last menu that were made elsewhere."""
         self.menus[-1][1].extend(made)

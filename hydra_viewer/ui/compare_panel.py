@@ -128,16 +128,14 @@ class ComparePanel(QWidget):
         names = [s.name for s in self._comparison.snapshots]
         with QSignalBlocker(self.gain), QSignalBlocker(self.with_), QSignalBlocker(self.snapshots):
             self.gain.setValue(state.gain)
+            at = max(self.snapshots.currentRow(), 0)
             if names != [self.with_.itemData(n) for n in range(1, self.with_.count())] or not self.with_.count():
                 self.with_.clear()
                 self.with_.addItem(words.BEFORE, BEFORE)
                 for name in names:
                     self.with_.addItem(name, name)
-                at = max(self.snapshots.currentRow(), 0)
                 self.snapshots.clear()
                 self.snapshots.addItems(names)
-            else:
-                at = max(self.snapshots.currentRow(), 0)
             self.with_.setCurrentIndex(self.with_.findData(state.with_))
             self.snapshots.setCurrentRow(names.index(state.with_) if state.with_ in names else min(at, len(names) - 1))
         self.gain.setEnabled(state.mode == "difference")

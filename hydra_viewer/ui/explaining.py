@@ -19,12 +19,12 @@ from hydra_viewer.model.scope_mask import scope_mask
 from hydra_viewer.model.stroke_edits import changed, chosen, is_same_paint
 from hydra_viewer.model.understanding import Understood, understood
 from hydra_viewer.ui import panel_words as words
+from hydra_viewer.ui.solving import KIND as SOLVE
 from hydra_viewer.ui.worker import Job, Worker
 from usdslf import Camera, NextDab, Stroke, find_next_dab, stepwise
 
 MASK_PIXELS = 160_000
 PREVIEW = 168, 112  # of a preview, width and height [pixels]
-SOLVE = "solve"  # the job of solving.py
 KINDS = GROUPS, PREVIEWS, DAB, MASK = "understand", "previews", "next dab", "scope"
 
 

@@ -157,5 +157,5 @@ class HydraViewport(QObject):
 
 def hydra_kinds() -> list[ViewportKind]:
     """Returns a kind of viewport for each installed render delegate, Storm first."""
-    made = {words.hydra_viewport(d.name): partial(HydraViewport, delegate=d.id) for d in delegates()}
-    return [ViewportKind(name, make, needs_look=True) for name, make in made.items()]
+    make = lambda d: partial(HydraViewport, delegate=d.id)  # noqa: E731
+    return [ViewportKind(words.hydra_viewport(d.name), make(d), needs_look=True) for d in delegates()]
