@@ -117,6 +117,56 @@ __kernel void columns(__global const float *eye, __global const int *light_row, 
     }
 }
 
+#define TOGETHER 16 /* samples that are summed before their sum is added to that of the others: many small numbers lose less */
+
+/* what dabs make of their samples, one work-item a dab and level: reflectance.py's `bilinear`, and means over the dab
+ * first    (n + 1) first sample of each dab, and behind those of the last
+ * columns  (S, J, 4, 3)
+ * d, f0, f90 (S, 3)
+ * tied     F90 changes with F0
+ * count    n * J
+ * means    (n, J, 7, 3): result: P, U, V, W, d U, d W, F0 V
+ * own      (S, 3): result, of the dabs' samples: P at the last level
+ */
+__kernel void means_of_dabs(__global const int *first, __global const float *columns, __global const float *d,
+                            __global const float *f0, __global const float *f90, const int tied, const uint levels,
+                            const uint count, __global float *means, __global float *own)
+{
+    uint i = get_global_id(0);
+    if (i >= count) return;
+    uint dab = i / levels, level = i % levels;
+    int begin = first[dab], end = first[dab + 1];
+    float3 sum[7];
+    for (int k = 0; k < 7; k++) sum[k] = 0.0f;
+    for (int from = begin; from < end; from += TOGETHER) {
+        float3 part[7];
+        for (int k = 0; k < 7; k++) part[k] = 0.0f;
+        int to = from + TOGETHER < end ? from + TOGETHER : end;
+        for (int s = from; s < to; s++) {
+            __global const float *of = columns + ((size_t)s * levels + level) * 12;
+            float3 x = load3(of, 0), y = load3(of, 1), a = load3(of, 2), b = load3(of, 3);
+            float3 kd = load3(d, s), ks = load3(f0, s), kg = load3(f90, s), p, u, v, w;
+#if MODEL == 0
+            u = (1.0f - ks) * x + (1.0f - kg) * y;
+            p = kd * u + ks * a + kg * b;
+            w = tied ? x + y : x;
+            v = (tied ? a + b : a) - kd * w;
+#else
+            u = x;
+            p = kd * x + ks * a;
+            w = 0.0f;
+            v = a;
+#endif
+            part[0] += p; part[1] += u; part[2] += v; part[3] += w;
+            part[4] += kd * u; part[5] += kd * w; part[6] += ks * v;
+            if (level + 1 == levels) store3(p, own, s);
+        }
+        for (int k = 0; k < 7; k++) sum[k] += part[k];
+    }
+    float scale = end > begin ? 1.0f / (end - begin) : 0.0f;
+    for (int k = 0; k < 7; k++) store3(scale * sum[k], means, (size_t)i * 7 + k);
+}
+
 /* radiance over density of all rays and lights, with what surfaces send now
  * fixed (S, 3, row), gain (S * rays, 3), links, weights (S * rays, 4): of sample_rays.cl
  * outgoing (N, D, 3); light (S, 3, row): result

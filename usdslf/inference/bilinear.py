@@ -11,12 +11,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from usdslf.edits.whole_set import Colored
+from usdslf.inference.columns import DeviceColumns, Means
 from usdslf.inference.evidence import Evidence, mean_by, varies
 from usdslf.inference.residuals import mean_by_stroke, relative_scale
 from usdslf.scene.records import F64
@@ -218,8 +218,9 @@ def _rows_of(e: Evidence, material: int, model: str) -> _Rows:
     row = e.background_sample
     keep = e.material[e.dab_of_sample[row]] == material
     other = np.flatnonzero((e.dab_of_sample >= n) & (s.material == material))
-    elsewhere = bilinear(e.columns[other], d[other], f0[other], f90[other], tied, model)
-    own = bilinear(e.columns[:, -1:], d, f0, f90, tied, model).p[:, 0] + e.unchanging
+    parts = _parts_of(e, d, f0, f90, tied, model)
+    own = parts.means.own + e.unchanging[: parts.first]
+    elsewhere = bilinear(parts.behind[other - parts.first], d[other], f0[other], f90[other], tied, model)
     colors = e.target[here]
     is_even = bool((colors.std(0) <= 0.01 * colors.mean() + 1e-9).all()) if len(here) > 2 else False
     return _Rows(
@@ -228,7 +229,10 @@ def _rows_of(e: Evidence, material: int, model: str) -> _Rows:
         has_one_color=np.full(len(here), e.stroke.tool == "replace" and is_even),
         swatch=swatches(colors, is_even) if e.stroke.tool == "replace" else np.full(len(here), -1),
         varied=np.full(len(here), varies(e.levels[:, -1])),
-        **_of_dabs(e, here, d, f0, f90, tied, model),
+        dabs=parts.dabs(here, mean(e.unchanging)),
+        factor_u=parts.means.factor_u[here],
+        factor_w=parts.means.factor_w[here],
+        factor_v=parts.means.factor_v[here],
         elsewhere=replace(elsewhere, p=elsewhere.p + e.unchanging[other, None]),
         background=bilinear(e.background, d[row], f0[row], f90[row], tied, model).rows(keep),
         levels=mean(e.levels),
@@ -236,7 +240,7 @@ def _rows_of(e: Evidence, material: int, model: str) -> _Rows:
         diffuse=mean(d),
         f0=mean(f0),
         f90=mean(f90),
-        noise=np.sqrt(_variances_of_means(own, e.dab_of_sample)[:n][here]),
+        noise=np.sqrt(_variances_of_means(own, e.dab_of_sample[: parts.first])[here]),
         doubt=np.zeros((len(here), 3, 3)) if e.doubtful is None else mean(e.doubtful),
     )
 
@@ -247,26 +251,36 @@ def _variances_of_means(values: F64, group: NDArray) -> F64:
     return spread / np.maximum(np.bincount(group), 1)[:, None]
 
 
-def _of_dabs(e: Evidence, here: NDArray, d: F64, f0: F64, f90: F64, tied: bool, model: str) -> dict[str, Any]:
-    """Means over the samples of some dabs, by the names of _Rows; d, F0, F90 (S, 3) are those of the samples."""
-    n = len(e.target)
-    mean = lambda x: mean_by(x, e.dab_of_sample)[:n][here]  # noqa: E731
-    mine = np.isin(e.dab_of_sample, here)
-    unchanging = mean(e.unchanging)[:, None]
-    if not mine.any() or all((x[mine] == x[np.argmax(mine)]).all() for x in (d, f0, f90)):
-        of_dab = lambda x: np.broadcast_to(x[np.argmax(mine)], (len(here), 3))  # noqa: E731
-        d, f0 = of_dab(d), of_dab(f0)  # the means come first: bilinear in the columns, and all weights alike
-        b = bilinear(mean(e.columns), d, f0, of_dab(f90), tied, model)
-        d, f0 = d[:, None], f0[:, None]
-        factors = {"factor_u": b.u * d, "factor_w": b.w * d, "factor_v": b.v * f0}
-        return {"dabs": replace(b, p=b.p + unchanging), **factors}
-    b = bilinear(e.columns, d, f0, f90, tied, model)
-    return {
-        "dabs": Bilinear(mean(b.p) + unchanging, mean(b.u), mean(b.v), mean(b.w)),
-        "factor_u": mean(b.u * d[:, None]),
-        "factor_w": mean(b.w * d[:, None]),
-        "factor_v": mean(b.v * f0[:, None]),
-    }
+@dataclass(frozen=True)
+class _Parts:
+    """What samples make of their columns: those of the dabs as means over each, and those behind them."""
+
+    means: Means
+    first: int  # of the samples behind the dabs
+    behind: NDArray[np.float32]  # (S - first, J, 4, 3) columns
+
+    def dabs(self, here: NDArray[np.int64], unchanging: F64) -> Bilinear:
+        """Returns the radiance of some dabs; `unchanging` (k, 3) is theirs that no parameter changes."""
+        m = self.means
+        return Bilinear(m.p[here] + unchanging[:, None], m.u[here], m.v[here], m.w[here])
+
+
+def _parts_of(e: Evidence, d: F64, f0: F64, f90: F64, tied: bool, model: str) -> _Parts:
+    """The parts of evidence whose samples have d, F0, F90 (S, 3); on the device where its columns are."""
+    n, known = len(e.target), e.columns
+    bounds = np.searchsorted(e.dab_of_sample, np.arange(n + 1))
+    first = int(bounds[-1])
+    if isinstance(known, DeviceColumns):
+        assert known.model == model, (known.model, model)
+        return _Parts(known.means(bounds, d, f0, f90, tied), first, known.behind(first))
+    dab, of = e.dab_of_sample[:first], slice(first)
+    mean = lambda x: mean_by(x, dab)  # noqa: E731
+    b = bilinear(known[of], d[of], f0[of], f90[of], tied, model)
+    by = lambda color, x: mean(color[of, None] * x)  # noqa: E731
+    means = Means(
+        mean(b.p), mean(b.u), mean(b.v), mean(b.w), by(d, b.u), by(d, b.w), by(f0, b.v), b.p[:, -1]
+    )  # fmt: skip
+    return _Parts(means, first, known[first:])
 
 
 def swatches(colors: F64, is_even: bool) -> NDArray[np.int64]:

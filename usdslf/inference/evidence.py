@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdslf.gpu.launch import GROUP, groups
+from usdslf.inference.columns import DeviceColumns
 from usdslf.inference.samples import SHARPEST, Beside, Samples
 from usdslf.light_field.light_field import LightField
 from usdslf.light_field.storage import constants_of
@@ -61,7 +62,7 @@ class Evidence:
     dab_of_sample: NDArray[np.int64]  # (S,) 0..n-1; n and above: unpainted points seen by the same eye
     surface: SurfacePoints  # (S,)
     levels: NDArray[np.float64]  # (S, J)
-    columns: NDArray[np.float32]  # (S, J, 4, 3) X, Y, A, B
+    columns: NDArray[np.float32] | DeviceColumns  # (S, J, 4, 3) X, Y, A, B
     unchanging: NDArray[np.float64]  # (S, 3) radiance that no parameter of ours changes: `unchanging_radiance`
     background_sample: NDArray[np.int64]  # (B,) the sample whose reflectance a background row has
     background: NDArray[np.float32]  # (B, J, 4, 3)
@@ -94,7 +95,7 @@ def build_evidence(
     first = np.searchsorted(samples.dab, np.arange(n))
     levels = sample_levels(own, float(own[samples.dab < n].mean()), field.model) if on_levels else own[:, None]
     arriving = Arriving.at(samples, field)
-    columns = single_columns(samples, field, levels, arriving=arriving)
+    columns = kept_columns(samples, field, levels, arriving)
     background_sample, background = np.zeros(0, np.int64), np.zeros((0, *columns.shape[1:]))
     if is_weighed:
         background_sample, background = _background(samples, field, levels, first)
@@ -169,6 +170,17 @@ def single_columns(
     return found
 
 
+def kept_columns(
+    samples: Samples, field: LightField, levels: NDArray, arriving: Arriving
+) -> NDArray[np.float32] | DeviceColumns:
+    """Returns the same on the device, where they are all of one light; their means are made there."""
+    if arriving.specular_d is not arriving.light_d:
+        return single_columns(samples, field, levels, arriving=arriving)
+    levels, rows, of = np.maximum(levels, SHARPEST), np.arange(len(samples.eye)), samples.light
+    columns_d = _columns_on_device(field, samples.eye, rows, of.towards_d, arriving.light_d, levels, field.model)
+    return DeviceColumns(field.device, columns_d, field.model)
+
+
 def columns_of_light(
     field: LightField, eye: NDArray, towards: NDArray, light: NDArray, levels: NDArray
 ) -> NDArray[np.float32]:
@@ -182,9 +194,16 @@ def _columns(
     field: LightField, eye: NDArray, light_row: NDArray, towards_d: Any, light_d: Any, levels: NDArray,
     model: str | None = None,
 ) -> NDArray[np.float32]:  # fmt: skip
+    out_d = _columns_on_device(field, eye, light_row, towards_d, light_d, levels, model or field.model)
+    found: NDArray[np.float32] = field.device.download(out_d)
+    return found
+
+
+def _columns_on_device(
+    field: LightField, eye: NDArray, light_row: NDArray, towards_d: Any, light_d: Any, levels: NDArray, model: str
+) -> Any:
     device, (s, j) = field.device, levels.shape
     out_d = device.empty((s, j, 4, 3), np.float32)
-    model = model or field.model
     parameters = lobe_parameter(model, levels).astype(np.float32)
     kernel = device.kernel("evidence", "columns", **model_of(model).constants)
     kernel(
@@ -192,8 +211,7 @@ def _columns(
         towards_d, light_d, device.upload(parameters), np.uint32(light_d.shape[2] // 16),
         np.uint32(j), np.uint32(s), out_d,
     )  # fmt: skip
-    found: NDArray[np.float32] = device.download(out_d)
-    return found
+    return out_d
 
 
 def _background(samples: Samples, field: LightField, levels: NDArray, first: NDArray) -> tuple[NDArray, NDArray]:

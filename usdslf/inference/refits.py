@@ -19,7 +19,7 @@ from usdslf.inference.answer_residuals import varying_residual
 from usdslf.inference.answers import Answer, Painted, means_of
 from usdslf.inference.bilinear import Tables, pool_tables
 from usdslf.inference.candidate import Candidate
-from usdslf.inference.evidence import Evidence, single_columns
+from usdslf.inference.evidence import Arriving, Evidence, kept_columns
 from usdslf.inference.fit import Way, bounds_of_tables, hold_energy
 from usdslf.inference.paint_errors import refit_as_painted
 from usdslf.inference.samples import Samples
@@ -83,7 +83,7 @@ def finer(e: Evidence, samples: Samples, field: LightField, chosen: Candidate) -
     step = np.interp(own.mean() + chosen.roughness_shift, steps, np.gradient(steps))
     shift = chosen.roughness_shift + np.linspace(-step, step, FINE_LEVELS)
     levels = np.concatenate([moved_roughness(own[:, None], shift, chosen.roughness_mean), own[:, None]], 1)
-    columns = single_columns(samples, field, levels, arriving=e.arriving)
+    columns = kept_columns(samples, field, levels, e.arriving or Arriving.at(samples, field))
     pad = np.repeat(e.background[:, -1:], levels.shape[1], 1)
     return replace(e, levels=levels, columns=columns, background=pad)
 
@@ -109,7 +109,7 @@ def _at_shift(e: Evidence, samples: Samples, field: LightField, chosen: Candidat
     own = e.levels[:, -1]
     levels = np.stack([moved_roughness(own, chosen.roughness_shift, chosen.roughness_mean), own], 1)
     pad = np.repeat(e.background[:, -1:], 2, 1)
-    columns = single_columns(samples, field, levels, arriving=e.arriving)
+    columns = kept_columns(samples, field, levels, e.arriving or Arriving.at(samples, field))
     return replace(e, levels=levels, columns=columns, background=pad)
 
 
