@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from usdslf.color import Color
 from usdslf.edits.baked_texture import Baked, bake_texture, plain_texture
 from usdslf.edits.edits import ByVertex
-from usdslf.geometry.closest_point import nearest_on_triangles
+from usdslf.geometry.closest_point import Nearest, nearest_on_triangles
 from usdslf.geometry.uv_layout import common_sets, lies_flat
 from usdslf.progress import tell_during
 from usdslf.scene.records import F64, Material, Scene, Texture
@@ -155,7 +155,7 @@ def _metallic(scene: Scene, m: Material, triangles: NDArray, v: Varies) -> tuple
         return float(m.metallic[0]), float(m.metallic[0])
     if m.use_specular_workflow or v.is_even or not len(triangles):
         return 0.0, 1.0
-    near = nearest_on_triangles(_corners_of(scene, triangles), v.places.position)
+    near = _nearest(scene, triangles, v.places.position)
     seen = places_at(scene, triangles[near.triangle].astype(np.int32), near.barycentric.astype(np.float32)).metallic
     assert seen is not None
     low, high = float(seen.min()), float(seen.max())
@@ -253,6 +253,17 @@ def _beside_driven_metallic(m: Material, name: str, v: Varies, x: Places, change
     return before, np.clip(before + change * (1 - share if v.parameter == "diffuse" else share), 0, 1)
 
 
+def _nearest(scene: Scene, triangles: NDArray, position: NDArray) -> Nearest:
+    """The nearest points of triangles to places (n, 3), found once for all changes that are known at them."""
+    corners, at = _corners_of(scene, triangles), position.tobytes()
+    for known, known_at, near in tuple(_NEAREST):
+        if known is corners and known_at == at:
+            return near
+    near = nearest_on_triangles(corners, position)
+    _NEAREST.append((corners, at, near))
+    return near
+
+
 def _corners_of(scene: Scene, triangles: NDArray) -> NDArray:
     """Corners (k, 3, 3) of triangles; the same array for the same ones, which are searched again and again."""
     of, rows = scene.triangles.positions, triangles.tobytes()
@@ -266,6 +277,8 @@ def _corners_of(scene: Scene, triangles: NDArray) -> NDArray:
 
 _CORNERS: deque[tuple[ReferenceType[NDArray], bytes, NDArray]] = deque(maxlen=2)
 """What was asked last: the triangles of a material, for each change of it that is weighed."""
+_NEAREST: deque[tuple[NDArray, bytes, Nearest]] = deque(maxlen=1)
+"""The same: what is nearest to the dabs on them."""
 
 
 # ---- points ------------------------------------------------------------------------------------
@@ -278,7 +291,7 @@ def _why_not_points(scene: Scene, triangles: NDArray, v: Varies) -> str:
             return f"{mesh.path} is a copy of an instancer, which all have the same points"
         if not mesh.has_points:
             return f"{mesh.path} has no points of its own that stay in place"
-    near = nearest_on_triangles(_corners_of(scene, triangles), v.places.position)
+    near = _nearest(scene, triangles, v.places.position)
     corners = np.broadcast_to(np.eye(3)[:, 1:], (len(v.places), 3, 2)).reshape(-1, 2).astype(np.float32)
     at_corners = v.at(places_at(scene, np.repeat(triangles[near.triangle], 3).astype(np.int32), corners))
     share = np.concatenate([1 - near.barycentric.sum(1, keepdims=True), near.barycentric], 1)

@@ -23,12 +23,14 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from usdslf.inference.attainable import error_of
 from usdslf.inference.bilinear import Tables
 from usdslf.inference.candidate import Candidate
 from usdslf.inference.evidence import Evidence, mean_by
 from usdslf.inference.fit import Problem
+from usdslf.inference.planes import nearness, planes
 from usdslf.inference.solve import refit, refit_problem, score
 from usdslf.inference.weights import Options
 from usdslf.scene.records import F64
@@ -36,7 +38,6 @@ from usdslf.similarity.similarity import Places, Weights, blocks, reach_of, shar
 from usdslf.surfaces.reflectance import COLUMNS, Parameters
 
 LENGTHS = (0.5, 0.25, 0.12, 0.06, 0.03)  # of smoothing, in the stroke's extent
-TILT = 1e-4  # that planes are held against across what was painted, where no dab says how they lie
 FEWEST = 6  # dabs that can say that something varies
 LEAST_STEP = 0.04  # of a reflectance or roughness, between dabs, for a change to vary
 NEAR = Weights(position=4.0, normal=0.5, reflectance=1.0)  # between dabs, the nearest decide
@@ -75,18 +76,32 @@ class Varying:
         return out
 
     def _at(self, x: Places) -> F64:
-        channels = self.q.shape[1]
-        way = x.position.astype(np.float64)[:, None] - self.places.position
-        far = np.linalg.norm(way, axis=2)
         # beyond the dabs, the next ones decide as they do among them, and their planes lead on only so far
-        off = far.min(1)
+        off = self._tree.query(x.position)[0]
         k, opened = shares(x, self.places, self.reach if self.is_gated else np.maximum(self.reach, off), self.weights)
         leads = np.exp(-0.5 * np.square(np.maximum(off - self.reach, 0) / (LEADS * self.length)))
-        way *= (k * leads[:, None])[..., None]
-        q = k @ self.q + way.reshape(len(x), -1) @ self.slope.transpose(0, 2, 1).reshape(-1, channels)
+        q, start, slope = np.split(k @ self._about_middle, [self.q.shape[1], 2 * self.q.shape[1]], axis=1)
+        way = (x.position - self._middle)[:, None]
+        q = q + leads[:, None] * ((way * slope.reshape(len(x), -1, 3)).sum(2) - start)
         q = np.clip(q, self.q.min(0), self.q.max(0))
         change = _changed(self, q, _value(self, x)) - _value(self, x)
         return change * opened[:, None] if self.is_gated else change
+
+    @cached_property
+    def _tree(self) -> cKDTree:
+        """The dabs, for the nearest of them."""
+        return cKDTree(self.places.position)
+
+    @cached_property
+    def _middle(self) -> F64:
+        """Middle (3,) of the dabs: about the origin, products would lose what is far from it."""
+        return np.asarray(self.places.position.mean(0, dtype=np.float64))
+
+    @cached_property
+    def _about_middle(self) -> F64:
+        """Of the plane of each dab (n, C + C + 3 C): its value there, and its offset and slopes about the middle."""
+        at = (self.places.position - self._middle)[:, None]
+        return np.concatenate([self.q, (at * self.slope).sum(2), self.slope.reshape(len(self.q), -1)], 1)
 
     def of_dabs(self) -> F64:
         """Returns the change of the parameter (n, 3), of roughness (n, 1), at the dabs themselves."""
@@ -315,7 +330,7 @@ def _smoothed(t: Tables, v: Varying) -> tuple[Varying, F64]:
     if v.q.shape[1] == 1:
         wanted, weight = _as_one(wanted, weight)
         least, most = least.max(1, keepdims=True), most.min(1, keepdims=True)
-    q, slopes, leverage = _planes(v, wanted, weight)
+    q, slopes, leverage = planes(v.places.position, v.length, wanted, weight)
     return replace(v, q=np.clip(q, least, most), slope=slopes), leverage
 
 
@@ -333,32 +348,6 @@ def _as_one(wanted: F64, weight: F64) -> tuple[F64, F64]:
     return (weight * wanted).sum(1, keepdims=True) / np.maximum(total, 1e-30), total
 
 
-def _planes(v: Varying, wanted: F64, weight: F64) -> tuple[F64, F64, F64]:
-    """Local planes through what each dab wants (n, C): their values (n, C), slopes (n, C, 3) and leverage (n, C)."""
-    n, channels = wanted.shape
-    p = (v.places.position - v.places.position.mean(0)) / v.length
-    square = (p * p).sum(1)
-    k = np.exp(np.minimum(p @ p.T - 0.5 * square[:, None] - 0.5 * square[None], 0))
-    # moments about the middle of all dabs, moved to each
-    basis = np.concatenate([np.ones((n, 1)), p, p[:, [0, 0, 0, 1, 1, 2]] * p[:, [0, 1, 2, 1, 2, 2]]], 1)
-    asked = (weight * wanted)[..., None] * basis[:, None, :4]
-    sums = k @ np.concatenate([weight[..., None] * basis[:, None], asked], 2).reshape(n, -1)
-    m0, m1, m2, r0, r1 = np.split(sums.reshape(n, channels, 14), [1, 4, 10, 11], axis=2)
-    x = p[:, None]
-    second = m2[..., [[0, 1, 2], [1, 3, 4], [2, 4, 5]]]
-    crossed = x[..., :, None] * m1[..., None, :]
-    second = second - crossed - crossed.swapaxes(2, 3) + m0[..., None] * x[..., :, None] * x[..., None, :]
-    first = m1 - m0 * x
-    normal = np.empty((n, channels, 4, 4))
-    normal[..., 0, 0], normal[..., 0, 1:], normal[..., 1:, 0], normal[..., 1:, 1:] = m0[..., 0], first, first, second
-    size = np.trace(normal, axis1=2, axis2=3)[..., None, None]
-    normal = normal + np.diag([1e-9, TILT, TILT, TILT]) * (size + 1e-30)
-    right = np.stack([np.concatenate([r0, r1 - r0 * x], 2), np.broadcast_to(np.eye(4)[0], (n, channels, 4))], 3)
-    solved = np.linalg.solve(normal, right)  # (i, channel, 4, plane and the dab's own part)
-    plane, own = solved[..., 0], solved[..., 0, 1]
-    return plane[..., 0], plane[..., 1:] / v.length, own * weight  # K_ii = 1
-
-
 # ---- roughness -------------------------------------------------------------------------------
 def _smoothed_roughness(t: Tables, v: Varying) -> tuple[Varying, F64]:
     own = v.places.reflectance[:, 6].astype(np.float64)
@@ -369,15 +358,14 @@ def _smoothed_roughness(t: Tables, v: Varying) -> tuple[Varying, F64]:
         tangent = np.where(np.abs(tangent) > 1e-9, tangent, 1e-9)
         wanted, weight = _as_one((t.target - radiance) / tangent, (tangent / t.scale) ** 2)
         wanted = rho[:, None] + np.clip(wanted, -LONGEST_STEP, LONGEST_STEP) - own[:, None]
-        q, slopes, leverage = _planes(v, wanted, weight)
+        q, slopes, leverage = planes(v.places.position, v.length, wanted, weight)
         rho = np.clip(own + q[:, 0], 0.001, 1)
     return replace(v, q=(rho - own)[:, None], slope=slopes), leverage
 
 
 def _best_step(t: Tables, v: Varying) -> F64:
     """The level of roughness (n,) that explains the neighbourhood of each dab best."""
-    apart = v.places.position[None] - v.places.position[:, None]
-    k = np.exp(-0.5 * (apart**2).sum(-1) / v.length**2)
+    k = nearness(v.places.position, v.length)
     off = (((t.dabs.p[:, : t.own] - t.target[:, None]) / t.scale[:, None]) ** 2).sum(2)  # (n, J)
     best = (k @ off).argmin(1)
     return np.take_along_axis(t.dab_levels[:, : t.own], best[:, None], 1)[:, 0]
