@@ -20,7 +20,7 @@ F64 = NDArray[np.float64]
 FREE = ""  # path of a camera that is no prim
 NEARER = tuple(0.25 * n for n in range(17))  # halvings of the distance that are tried
 ENOUGH = 0.7  # of what is seen of something at best
-SOME = 200  # points of something that are asked for
+SOME = 200  # faces of something that are asked for
 STEEPEST = np.radians(89.0)  # that orbiting looks up or down
 
 
@@ -135,16 +135,29 @@ def in_sight(view: View, seen: Callable[[Camera], float]) -> View:
     return next(v for v, share in zip(tried, shares) if share >= ENOUGH * max(shares))
 
 
-def points_under(scene: Scene, path: str) -> F64:
-    """Returns some points (n, 3) of the gprims at and below a prim; of all where it has none.
+def faces_under(scene: Scene, path: str) -> tuple[F64, F64]:
+    """Returns the middles (n, 3) and normals (n, 3) of some faces of the gprims at and below a prim.
 
     Args:
         scene: where they are.
-        path: of the prim; "": the whole scene.
+        path: of the prim; "", or one that has no gprim: the whole scene.
     """
-    meshes = _meshes_under(scene, path) or scene.meshes
-    points = np.concatenate([m.positions for m in meshes]).astype(np.float64)
-    return points[:: max(1, len(points) // SOME)]
+    table, meshes = scene.triangles, _meshes_under(scene, path)
+    is_in = np.isin(table.mesh, [n for n, m in enumerate(scene.meshes) if any(m is other for other in meshes)])
+    rows = np.flatnonzero(is_in) if meshes else np.arange(len(table.mesh))
+    rows = rows[:: max(1, len(rows) // SOME)]
+    return table.positions[rows].mean(1).astype(np.float64), table.face_normals[rows].astype(np.float64)
+
+
+def are_turned(camera: Camera, points: F64, normals: F64) -> NDArray[np.bool_]:
+    """Returns which faces (n,) turn their front to a camera: not those of a fruit, from inside of it.
+
+    Args:
+        points, normals: (n, 3), (n, 3) of the faces.
+    """
+    matrix = camera.world_from_camera
+    to_eye = matrix[:3, 3] - points if camera.perspective else np.broadcast_to(matrix[:3, 2], points.shape)
+    return (to_eye * normals).sum(1) > 0
 
 
 def bounds_under(scene: Scene, path: str) -> tuple[F64, F64]:

@@ -5,16 +5,23 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from PySide6.QtCore import QEvent, QObject, QRectF, Qt, QTimer, Signal
-from PySide6.QtGui import QColor, QPainter, QPaintEvent
+from PySide6.QtGui import QColor, QPainter, QPaintEvent, QResizeEvent
 from PySide6.QtWidgets import QHBoxLayout, QLabel, QPushButton, QToolButton, QWidget
 
 from hydra_viewer.ui import theme, words
 
 MARGIN = 32  # beside a sentence [pixels]
+NOTED = 12_000  # milliseconds that a note lies over the picture
 
 
 class MessageBar(QWidget):
-    """A sentence across the head of what it lies over, until it is closed, or answered; nothing moves when it comes."""
+    """A sentence across the head of what it lies over, until it is closed, or answered; nothing moves when it comes.
+
+    Attributes:
+        folded: Signal(str): a note was there for long enough to be read, and is to be shown where it hides nothing.
+    """
+
+    folded = Signal(str)
 
     def __init__(self, below: QWidget) -> None:
         super().__init__(below)
@@ -32,6 +39,8 @@ class MessageBar(QWidget):
         self._layout.setContentsMargins(12, 6, 6, 6)
         self._layout.addWidget(self._label, 1)
         self._layout.addWidget(close)
+        self._until_folded = QTimer(self, singleShot=True, interval=NOTED)
+        self._until_folded.timeout.connect(self._fold)
         self.hide()
 
     def eventFilter(self, watched: QObject, event: QEvent) -> bool:
@@ -46,6 +55,18 @@ class MessageBar(QWidget):
             room = wide - self._close.sizeHint().width() - MARGIN
             self._label.setText(self._label.fontMetrics().elidedText(self._sentence, Qt.TextElideMode.ElideRight, room))
         self.setGeometry(0, 0, wide, max(self.heightForWidth(wide), self.minimumSizeHint().height()))
+
+    def _fold(self) -> None:
+        if self.underMouse():  # somebody reads it, or its tooltip
+            self._until_folded.start()
+        elif not self.isHidden():
+            self.hide()
+            self.folded.emit(self._sentence)
+
+    def clear(self) -> None:
+        """Says nothing any more, here or where a note went."""
+        self.hide()
+        self.folded.emit("")
 
     @property
     def text(self) -> str:
@@ -77,6 +98,32 @@ class MessageBar(QWidget):
         self._fit()
         self.show()
         self.raise_()
+        if self._is_brief:
+            self._until_folded.start()
+        else:
+            self._until_folded.stop()
+
+
+class FoldedNote(QLabel):
+    """A note that was read, in one dim line; all of it in the tooltip."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._sentence = ""
+        self.setProperty("isDim", True)
+        self.setMinimumWidth(1)
+
+    def show_note(self, sentence: str) -> None:
+        """Shows a sentence; "": none."""
+        self._sentence = sentence
+        self.setToolTip(sentence)
+        self._fit()
+
+    def resizeEvent(self, event: QResizeEvent) -> None:
+        self._fit()
+
+    def _fit(self) -> None:
+        self.setText(self.fontMetrics().elidedText(self._sentence, Qt.TextElideMode.ElideRight, self.width() - 2))
 
 
 LABEL = 260  # of what is being done [pixels]

@@ -78,7 +78,7 @@ class Filing(QObject):
             self._worker.start(Job("open", steps, self._take_again, self._fail, is_alone=True))
 
     def _take(self, opened: Opened) -> None:
-        self._bar.hide()
+        self._bar.clear()
         self.autosave.pause()
         self._painting.show_shot(opened)
         self.autosave.begin()

@@ -175,6 +175,10 @@ class HydraRenderer(QObject):
             except UsdslfError as error:
                 self.failed.emit(str(error))
                 drawing.share = 1.0
+            except Exception as error:  # the next wish is tried with a new engine
+                self.failed.emit(words.internal(error))
+                drawing.share = 1.0
+                drawing.let_go()
             else:
                 self.drawn.emit(drawn)
 

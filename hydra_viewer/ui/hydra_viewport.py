@@ -76,6 +76,7 @@ class HydraViewport(QObject):
         super().__init__()  # it outlives the widget until its thread has ended
         self.widget = HydraPicture(parent)
         self.widget.resized.connect(self._on_resized)
+        self.widget.destroyed.connect(self._on_destroyed)  # by a host that does not end it first
         self._drawn: Drawn | None = None
         self._is_stopped = False
         self._renderer = HydraRenderer(self)
@@ -136,6 +137,10 @@ class HydraViewport(QObject):
     def finish(self) -> None:
         """Ends the thread, as `stop` does: it is kept until then."""
         self.stop()
+
+    def _on_destroyed(self) -> None:
+        self._is_stopped = True
+        self._renderer.stop()
 
     def _on_ended(self) -> None:
         _KEPT.discard(self)

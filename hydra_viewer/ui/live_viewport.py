@@ -100,6 +100,7 @@ class LiveViewport(QObject):
         super().__init__()  # it outlives the widget until its thread has ended
         self._screen = _Screen(parent)
         self._screen.resized = self._resized
+        self._screen.destroyed.connect(self.stop)  # by a host that does not end it first
         self._resized.connect(self._take_size)
         self._made.connect(self._show)
         self._ended.connect(self._on_ended)
@@ -195,14 +196,23 @@ class LiveViewport(QObject):
             if not wanted.is_whole:
                 self._painter.forget()
                 continue
-            try:
-                self._painter.paint(wanted)
-            except UsdslfError as error:
-                self.failed.emit(str(error))
-            except Exception as error:  # a picture that cannot be made is no reason to lose the window
-                self.failed.emit(words.internal(error))
+            if self._why_not(wanted) and not self._is_new:
+                self._painter.forget()  # what was left of the last picture, memory of the device for one
+                if sentence := self._why_not(wanted):
+                    self.failed.emit(sentence)
+                    self._painter.forget()
         self._painter.forget()
         self._ended.emit()
+
+    def _why_not(self, wanted: _Wanted) -> str:
+        """Paints; returns why that failed, a sentence, or ""."""
+        try:
+            self._painter.paint(wanted)
+        except UsdslfError as error:
+            return str(error)
+        except Exception as error:  # a picture that cannot be made is no reason to lose the window
+            return words.internal(error)
+        return ""
 
     def is_stale(self) -> bool:
         """Whether something else is wanted by now."""

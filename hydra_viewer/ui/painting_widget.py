@@ -10,7 +10,7 @@ from PySide6.QtWidgets import QVBoxLayout, QWidget
 
 from hydra_viewer.model.document import Document, Files
 from hydra_viewer.model.easel import Easel
-from hydra_viewer.model.navigation import bounds_under, framed, in_sight, points_under, view_of
+from hydra_viewer.model.navigation import are_turned, bounds_under, faces_under, framed, in_sight, view_of
 from hydra_viewer.model.work import Opened, preparing, warming
 from hydra_viewer.ui.canvas import Canvas
 from hydra_viewer.ui.collector import collect_here
@@ -92,9 +92,10 @@ class PaintingWidget(QWidget):
     def _frame(self, path: str) -> None:
         shot, view = self.document.shot, self.easel.view
         if shot is not None and view is not None:
-            points, aspect = points_under(shot.scene, path), self.canvas.aspect
+            (points, normals), aspect = faces_under(shot.scene, path), self.canvas.aspect
+            seen = lambda c: are_turned(c, points, normals) & are_seen(shot, c, points, aspect)  # noqa: E731
             found = framed(view, bounds_under(shot.scene, path))
-            self.easel.look_from(in_sight(found, lambda c: float(are_seen(shot, c, points, aspect).mean())))
+            self.easel.look_from(in_sight(found, lambda c: float(seen(c).mean()) if len(points) else 0.0))
 
     def stop(self) -> None:
         """Ends all work; nothing is called afterwards."""

@@ -39,6 +39,7 @@ class Solving(QObject):
         super().__init__(parent)
         self._document, self._worker, self._needs_look = document, worker, needs_look
         self._folder = tempfile.TemporaryDirectory(prefix="usdslf-looks-")
+        self.destroyed.connect(self._folder.cleanup)  # by a host that does not stop it first
         document.strokes_changed.connect(self.solve)
         document.shot_changed.connect(self._on_shot_changed)
 

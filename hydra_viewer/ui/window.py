@@ -13,7 +13,7 @@ from PySide6.QtWidgets import QDockWidget, QLabel, QMainWindow, QScrollArea, QVB
 from hydra_viewer.model.comparison import Comparison
 from hydra_viewer.ui import panel_words, words
 from hydra_viewer.ui.actions import Actions, add_camera_actions, add_paint_actions, add_view_actions
-from hydra_viewer.ui.bars import MessageBar, ProgressRow
+from hydra_viewer.ui.bars import FoldedNote, MessageBar, ProgressRow
 from hydra_viewer.ui.brush_panel import BrushPanel
 from hydra_viewer.ui.cheat_sheet import CheatSheet
 from hydra_viewer.ui.compare_layer import CompareLayer
@@ -88,7 +88,10 @@ class Window(QMainWindow):
         self._drawn_by = QLabel(self.painting.canvas.kind.name)
         self._drawn_by.setProperty("isDim", True)
         self._drawn_by.setContentsMargins(8, 0, 0, 0)
+        self._note = FoldedNote()
+        self.bar.folded.connect(self._note.show_note)
         self.statusBar().addWidget(self._drawn_by)
+        self.statusBar().addWidget(self._note, 1)
         self.statusBar().addPermanentWidget(self._progress)
         self.stage_panel, self.brush_panel = StagePanel(self.document), BrushPanel(self.document, self.easel)
         self.stage_panel.camera_chosen.connect(self.painting.look_through)

@@ -10,6 +10,7 @@ from __future__ import annotations
 import queue
 import threading
 from collections.abc import Callable, Generator
+from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -72,6 +73,8 @@ class Worker(QObject):
         for _ in range(THREADS):
             self._add_thread()
         self._told.connect(self._hear)
+        self._is_gone = False
+        self.destroyed.connect(lambda: self._on_destroyed())  # not as a method of what is gone by then
         stop_at_exit(self._end)
 
     @property
@@ -114,12 +117,20 @@ class Worker(QObject):
         self.cancel()
         self._end()
 
-    def _end(self) -> None:
-        """Ends all threads, without a word: Qt may be gone."""
+    def _on_destroyed(self) -> None:
+        """By a host that does not stop it first: lets the threads end, and waits for none."""
+        self._is_gone = True
+        self._let_end()
+
+    def _let_end(self) -> None:
         for job in self._running:
             job.is_cancelled.set()
         for _ in self._threads:
             self._asked.put(None)
+
+    def _end(self) -> None:
+        """Ends all threads, without a word: Qt may be gone."""
+        self._let_end()
         for thread in self._threads:
             thread.join(timeout=10)
         self._threads = []
@@ -151,18 +162,24 @@ class Worker(QObject):
             while not job.is_cancelled.is_set():
                 told = next(steps)
                 is_part = not isinstance(told, Progress)
-                self._told.emit(job, "part" if is_part else "progress", told)
+                self._tell(job, "part" if is_part else "progress", told)
                 if is_part:
                     job.is_cancelled.wait(job.rest)
-            self._told.emit(job, "cancelled", None)
+            self._tell(job, "cancelled", None)
         except StopIteration as end:
-            self._told.emit(job, "done", end.value)
+            self._tell(job, "done", end.value)
         except Cancelled:
-            self._told.emit(job, "cancelled", None)
+            self._tell(job, "cancelled", None)
         except Exception as error:
-            self._told.emit(job, "failed", error)
+            self._tell(job, "failed", error)
         finally:
             steps.close()
+
+    def _tell(self, job: Job, what: str, value: Any) -> None:
+        """On a thread."""
+        if not self._is_gone:
+            with suppress(RuntimeError):  # it goes just now
+                self._told.emit(job, what, value)
 
     def _hear(self, job: Job, what: str, value: Any) -> None:
         """On the main thread."""

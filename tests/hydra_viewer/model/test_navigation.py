@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hydra_viewer.model.navigation import View, dollied, framed, in_sight, orbited, panned, view_of
+from hydra_viewer.model.navigation import View, are_turned, dollied, framed, in_sight, orbited, panned, view_of
 from usdslf import Camera, project_points
 
 SHARE = st.floats(-0.9, 0.9)
@@ -73,3 +73,18 @@ def test_what_is_framed_is_looked_at_from_before_the_wall_that_would_hide_it() -
     near = in_sight(found, half_seen)
     assert 0.75 * wall < eye(near) < wall and np.allclose(near.pivot, found.pivot)
     assert eye(in_sight(found, lambda camera: 0.5)) == pytest.approx(eye(found))
+
+
+@pytest.mark.parametrize("perspective", [True, False])
+def test_a_box_is_looked_at_from_outside(perspective: bool) -> None:
+    low, high = BOX
+    middle, half = (low + high) / 2, (high - low) / 2
+    normals = np.concatenate([np.eye(3), -np.eye(3)])
+    faces = middle + normals * half
+    found = framed(view(perspective), BOX)
+    eye = lambda v: v.camera.world_from_camera[:3, 3]  # noqa: E731
+    near = in_sight(found, lambda camera: float(are_turned(camera, faces, normals).mean()))
+    assert (np.abs(eye(near) - middle) > half).any()
+    inside = next(v for v in (dollied(found, n) for n in (2.0, 3.0, 4.0)) if (np.abs(eye(v) - middle) < half).all())
+    turned = are_turned(inside.camera, faces, normals).sum()
+    assert turned == 0 if perspective else turned > 0  # what is seen in parallel does not depend on where from

@@ -19,6 +19,7 @@ from PySide6.QtWidgets import QApplication, QLabel, QMessageBox
 from hydra_viewer.model.autosave import autosave_path
 from hydra_viewer.model.document import Files
 from hydra_viewer.ui import panel_words
+from hydra_viewer.ui.bars import FoldedNote
 from hydra_viewer.ui.live_viewport import LIVE
 from hydra_viewer.ui.window import Window
 from usdslf import read_strokes
@@ -83,6 +84,24 @@ def test_a_stroke_is_on_what_was_seen_when_the_camera_goes(window: Window) -> No
     np.testing.assert_allclose(middle_of(window, 1), where, atol=0.02)
 
 
+def test_a_picture_that_fails_once_is_tried_again(window: Window, monkeypatch: pytest.MonkeyPatch) -> None:
+    viewport, tries = window.painting.canvas.viewport, list[object]()
+    paint = viewport._painter.paint
+
+    def fail_first(wanted: object) -> None:
+        tries.append(wanted)
+        if len(tries) == 1:
+            raise MemoryError("the device has no memory left")
+        paint(wanted)
+
+    monkeypatch.setattr(viewport._painter, "paint", fail_first)
+    painted = list[object]()
+    viewport.changed.connect(lambda: painted.append(viewport.shown))
+    window.easel.view_changed()
+    wait_for(lambda: bool(painted), 20)
+    assert len(tries) > 1 and window.bar.text == ""
+
+
 def test_a_stroke_is_on_the_frame_that_was_seen(window: Window) -> None:
     shot, panel = window.document.shot, window.stage_panel
     panel.tree.collapse(panel.model.index(0, 0))
@@ -132,6 +151,11 @@ def test_what_is_said_moves_no_picture(window: Window) -> None:
     window.bar.say("a sentence that is said while somebody paints")
     QApplication.processEvents()
     assert window.bar.isVisible() and window.painting.canvas.size() == size
+    window.bar.say("a note that was read", is_error=False)
+    window.bar._until_folded.timeout.emit()
+    assert not window.bar.isVisible() and window.statusBar().findChild(FoldedNote).toolTip() == "a note that was read"
+    window.bar.say("an error stays")
+    assert not window.bar._until_folded.isActive()
     window.bar.hide()
 
 

@@ -12,6 +12,7 @@ from typing import Any, cast
 os.environ.setdefault("QT_QPA_PLATFORM", "offscreen")
 
 import pytest
+import shiboken6
 from kit.windows import wait_for
 from PySide6.QtWidgets import QWidget
 
@@ -19,7 +20,8 @@ from hydra_viewer.model.document import Document
 from hydra_viewer.model.easel import Easel
 from hydra_viewer.ui.application import make_application
 from hydra_viewer.ui.canvas import Canvas
-from hydra_viewer.ui.live_viewport import LiveViewport
+from hydra_viewer.ui.live_viewport import _KEPT, LiveViewport
+from hydra_viewer.ui.painting_widget import PaintingWidget
 from hydra_viewer.ui.viewport import Shown, ViewportKind
 from hydra_viewer.ui.worker import Job, Worker
 from usdslf import Progress
@@ -141,3 +143,15 @@ def test_a_stage_is_read_anew_when_no_viewport_reads_it_any_more() -> None:
     assert len(second.asked) == count + 1
     for viewport in (beside, second):
         viewport.stop()
+
+
+def test_a_widget_that_its_host_destroys_lets_its_threads_end() -> None:
+    make_application()
+    before, kept = set(threading.enumerate()), set(_KEPT)
+    host = QWidget()
+    widget = PaintingWidget(parent=host)
+    begun = set(threading.enumerate()) - before
+    assert len(begun) > 4 and set(_KEPT) > kept
+    shiboken6.delete(host)
+    del widget
+    wait_for(lambda: not any(thread.is_alive() for thread in begun) and set(_KEPT) <= kept, 20)
