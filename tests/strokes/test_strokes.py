@@ -221,6 +221,28 @@ def test_nearest_point_agrees_with_dense_sampling_of_triangles() -> None:
     assert_allclose(np.linalg.norm(foot - points, axis=1), found.distance, atol=1e-9)
 
 
+def test_corners_lie_on_the_first_triangle_that_has_them() -> None:
+    """As the points of a mesh do; beside them others, whose nearest places are within triangles, and a centre."""
+    rng = np.random.default_rng(6)
+    mesh = rng.normal(size=(30, 3)).astype(np.float32)
+    corners = mesh[rng.integers(0, 30, (40, 3))]
+    corners[3] = np.nan
+    asked = rng.permutation(np.unique(corners[np.isfinite(corners).all((1, 2))].reshape(-1, 3), axis=0)).astype(float)
+    others = rng.normal(size=(5, 3))
+    corners[7] = corners[9].mean(0) + np.float32([[0, 0, 0], [9, 0, 0], [0, 9, 0]])
+    points = np.concatenate([asked[:10], others, asked[10:], corners[7, :1]]).astype(float)
+    found = nearest_on_triangles(corners, points)
+    alone = [nearest_on_triangles(corners, p[None]) for p in points[10:15]]
+    np.testing.assert_array_equal(found.triangle[10:15], [one.triangle[0] for one in alone])
+    for i in [*range(10), *range(15, len(points))]:
+        has = np.flatnonzero((corners == points[i]).all(2).any(1))
+        if not len(has):  # a corner of what was moved
+            continue
+        assert found.distance[i] == 0 and found.triangle[i] == has[0], i
+        u, v = found.barycentric[i]
+        assert_allclose(np.array([1 - u - v, u, v]) @ corners[has[0]], points[i], atol=1e-7)
+
+
 def test_degenerate_and_broken_triangles_do_not_disturb_the_nearest_point() -> None:
     corners = np.array([[[0, 0, 0]] * 3, [[np.nan] * 3] * 3, [[0, 0, 0], [1, 0, 0], [2, 0, 0]]])
     found = nearest_on_triangles(corners, np.array([[1.5, 1, 0], [-1, 0, 0]]))

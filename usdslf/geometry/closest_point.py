@@ -35,7 +35,7 @@ def nearest_on_triangles(corners: NDArray, points: NDArray, pair: NDArray | None
     """Finds the nearest point on T triangles for each of n points.
 
     The surface is no further than the nearest corner or centre; triangles whose sphere comes as near are solved
-    exactly.
+    exactly.  Points that are corners, as those of a mesh are, lie on the first triangle that has them.
 
     Args:
         corners: (T, 3, 3); triangles with corners that are not finite are never nearest.
@@ -58,9 +58,14 @@ def nearest_on_triangles(corners: NDArray, points: NDArray, pair: NDArray | None
     rounding = 1e-9 * (np.abs(spheres.marks).max() + np.abs(points).max(initial=0))
     out = Nearest(np.zeros(n, np.int64), np.zeros((n, 2)), np.full(n, np.inf))
     for rows in in_blocks(n, BLOCK):
-        point, triangle = spheres.that_may_be_nearest(points[rows], rounding)
-        best = _best_of_pairs(rows.stop - rows.start, point, triangle, corners, points[rows])
-        out.triangle[rows], out.barycentric[rows], out.distance[rows] = best.triangle, best.barycentric, best.distance
+        near, mark = spheres.tree.query(points[rows])
+        is_corner = (near == 0) & (mark >= len(spheres.number))
+        corner, rest = rows.start + np.flatnonzero(is_corner), rows.start + np.flatnonzero(~is_corner)
+        out.triangle[corner], out.barycentric[corner] = spheres.with_corners(points[corner])
+        out.distance[corner] = 0
+        point, triangle = spheres.that_may_be_nearest(points[rest], near[~is_corner] + rounding)
+        best = _best_of_pairs(len(rest), point, triangle, corners, points[rest])
+        out.triangle[rest], out.barycentric[rest], out.distance[rest] = best.triangle, best.barycentric, best.distance
     return out
 
 
@@ -82,9 +87,17 @@ class _Spheres:
         alike = [np.flatnonzero(size == one) for one in np.unique(size)]
         self.classes = [(rows, cKDTree(self.center[rows]), self.radius[rows].max()) for rows in alike]
 
-    def that_may_be_nearest(self, points: F64, rounding: float) -> tuple[NDArray, NDArray]:
-        """Pairs of point (k,) and number (k,) of a triangle whose sphere comes as near as the nearest mark."""
-        enough = self.tree.query(points)[0] + rounding
+    def with_corners(self, points: F64) -> tuple[NDArray, F64]:
+        """Number (n,) of the first triangle that has each point as a corner, and its barycentrics (n, 2) there."""
+        found, count = self.tree.query_ball_point(points, 0.0), len(self.number)
+        marks = np.fromiter(chain(*found), int)
+        marks = np.where(marks < count, len(self.marks), marks)  # centres are no corners
+        starts = np.cumsum([0, *(len(f) for f in found)])[:-1]
+        first = np.minimum.reduceat(marks, starts) - count if len(points) else np.zeros(0, int)
+        return self.number[first // 3], np.eye(3)[first % 3, 1:]
+
+    def that_may_be_nearest(self, points: F64, enough: F64) -> tuple[NDArray, NDArray]:
+        """Pairs of point (k,) and number (k,) of a triangle whose sphere comes as near as is enough (n,)."""
         point, triangle = [np.zeros(0, int)], [np.zeros(0, int)]
         for rows, tree, largest in self.classes:
             found = tree.query_ball_point(points, enough + largest)

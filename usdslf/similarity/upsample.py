@@ -19,6 +19,7 @@ from scipy.spatial import cKDTree
 from usdslf.progress import in_blocks
 from usdslf.scene.records import F64
 from usdslf.similarity.similarity import Places
+from usdslf.threads import thread_count
 
 NEAREST = 16
 APPEARANCE_STEP = 0.06  # of d, F0 and roughness together
@@ -59,7 +60,7 @@ def _weights(
     x: Places, known: Places, tree: cKDTree, spacing: float, appearance: bool, count: int
 ) -> tuple[NDArray[np.int64], F64]:
     """The same of a block."""
-    distance, index = tree.query(x.position, count)
+    distance, index = tree.query(x.position, count, workers=thread_count())
     distance, index = distance.reshape(len(x), count), index.reshape(len(x), count)
     k = np.exp(-0.5 * np.minimum((distance / spacing) ** 2, 40.0))
     turned = np.einsum("ni,nki->nk", x.normal.astype(np.float64), known.normal[index].astype(np.float64))
