@@ -66,6 +66,13 @@ def test_at_an_edge_a_dab_shows_both_sides_by_their_area(device: Device) -> None
     np.testing.assert_array_equal(e.material, [0, 0, 0])
 
 
+def test_a_bright_rim_counts_by_its_area_also_where_few_points_meet_it(device: Device) -> None:
+    away = (0.044, 0.045, 0.0465)  # 1 to 2 % of the dab
+    e = evidence_of(glowing(device, 50.0), stroke(away, scope="material"))
+    share = part_of_disk(np.array(away))
+    np.testing.assert_allclose(unchanged(e)[:, 0], share + 50 * (1 - share), rtol=0.03)
+
+
 def test_only_the_painted_part_of_a_dab_answers_a_change(device: Device) -> None:
     sun = Light("/sun", "distant", (1.0, 1.0, 1.0), np.eye(4), angle=np.radians(1))
     made = lit(

@@ -18,7 +18,7 @@ surface, and what is beside it is left out.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -38,6 +38,8 @@ PICKED = 0.5  # share of a stroke's dabs with a colour of their own, above which
 LEAST_PICKED = 3  # dabs of such a stroke
 LAYERS = 8  # see-through surfaces of a ray
 LEAST_SHOWN = 1e-3  # of a layer
+FINEST = 4096  # rays of a dab that sees several things
+MOST_FINER = 1 << 15  # of a stroke
 Points = tuple[NDArray, NDArray, NDArray]
 """dab (S,), triangle (S,), barycentric (S, 2)."""
 
@@ -81,12 +83,102 @@ def footprint(
 def mixed_footprint(
     stroke: Stroke, scene: Scene, tracer: RayTracer, located: Located, rows: NDArray, count: int, lights: LightSet
 ) -> Mixture:
-    """Returns all that `count` rays a dab see, through what can be seen through."""
-    origin, aim = _rays(stroke, tracer, located, rows, count, 1.0)
+    """Returns all that `count` rays a dab see, through what can be seen through.
+
+    A rim that covers a hundredth of a dab may shine as much as all the rest: where rays see several things, more of
+    them, of which none is lit, say how much each covers.
+    """
+    asked, n = Asked(stroke, scene, tracer, located), len(rows)
+    seen, light = _shown(asked, rows, count, lights)
+    mine = asked.is_mine(seen, rows)
+    own, other, light = seen.chosen(mine), seen.chosen(~mine), light / count
+    cover, other_cover = own.cover(n) / count, other.cover(n) / count
+    mixed = np.flatnonzero((cover > 0) & ((other_cover > 0) | light.any(1)))
+    more = min(FINEST, MOST_FINER // max(len(mixed), 1))
+    if len(mixed) and more > count:
+        finer, light_there = _shown(asked, rows[mixed], more, lights)
+        mine = asked.is_mine(finer, rows[mixed])
+        cover[mixed], light[mixed] = finer.chosen(mine).cover(len(mixed)) / more, light_there / more
+        there = finer.chosen(~mine)
+        other_cover[mixed] = there.cover(len(mixed)) / more
+        other = other.with_rare(there.of_dabs(mixed), n, max(count // 4, 1))
+    # The centre stands for all of a dab that shows nothing of its material.
+    shows = np.bincount(own.dab, minlength=n) > 0
+    other = other.chosen(shows[other.dab])
+    whole = _with_centres(own.points, located, rows)
+    weight = np.concatenate([own.shares(cover), np.ones(len(whole[0]) - len(own.dab))])
+    return Mixture(whole, weight, other.points, other.shares(other_cover), light * shows[:, None])
+
+
+@dataclass(frozen=True)
+class Asked:
+    """A stroke on a shot."""
+
+    stroke: Stroke
+    scene: Scene
+    tracer: RayTracer
+    located: Located
+
+    def is_mine(self, seen: Shown, rows: NDArray) -> NDArray[np.bool_]:
+        """Whether points of the dabs of some rows are of the painted material."""
+        of_one_mesh = self.stroke.scope in ("prim", "stroke")
+        return _is_painted(seen.triangle, seen.dab, self.scene, self.located, rows, of_one_mesh)
+
+
+@dataclass(frozen=True)
+class Shown:
+    """Points that rays of dabs see, each with the part of its ray that it shows."""
+
+    dab: NDArray
+    triangle: NDArray
+    barycentric: NDArray
+    part: F64
+
+    @property
+    def points(self) -> Points:
+        """Where they are."""
+        return self.dab, self.triangle, self.barycentric
+
+    def chosen(self, which: NDArray) -> Shown:
+        """Some of them."""
+        return Shown(self.dab[which], self.triangle[which], self.barycentric[which], self.part[which])
+
+    def of_dabs(self, dabs: NDArray) -> Shown:
+        """The same, of dabs that are numbered otherwise."""
+        return Shown(dabs[self.dab], self.triangle, self.barycentric, self.part)
+
+    def cover(self, n: int) -> F64:
+        """Sums of their parts by dab (n,)."""
+        return np.bincount(self.dab, self.part, n)
+
+    def shares(self, cover: F64) -> F64:
+        """Weights whose mean over the points of a dab is what they cover of it (n,)."""
+        n = len(cover)
+        number = np.bincount(self.dab, minlength=n)
+        return self.part * (cover * number / np.maximum(self.cover(n), 1e-30))[self.dab]
+
+    def with_rare(self, finer: Shown, n: int, least: int) -> Shown:
+        """These, and `least` of others at most in place of the points of each dab (n,) that has fewer."""
+        is_rare = np.bincount(self.dab, minlength=n) < least
+        turn = np.random.default_rng(17).permutation(len(finer.dab))
+        turn = turn[np.argsort(finer.dab[turn], kind="stable")]
+        dab = finer.dab[turn]
+        place = np.arange(len(dab)) - np.searchsorted(dab, dab)
+        few = finer.chosen(turn[(place < least) & is_rare[dab]])
+        kept = self.chosen(~np.isin(self.dab, few.dab))
+        pairs = ((getattr(kept, f.name), getattr(few, f.name)) for f in fields(Shown))
+        return Shown(*(np.concatenate(pair) for pair in pairs))
+
+
+def _shown(asked: Asked, rows: NDArray, count: int, lights: LightSet) -> tuple[Shown, F64]:
+    """Returns what `count` rays of each dab see of surfaces, and the sum (n, 3) of the lights that they see."""
+    scene, tracer = asked.scene, asked.tracer
+    origin, aim = _rays(asked.stroke, tracer, asked.located, rows, count, 1.0)
     dab, n = np.repeat(np.arange(len(rows)), count), len(rows)
     ray, through = np.arange(len(dab)), np.ones(len(dab))
     light = np.zeros((n, 3))
-    found: list[tuple[NDArray, ...]] = []
+    none = (np.zeros(0, int), np.zeros(0, np.int32), np.zeros((0, 2), np.float32), np.zeros(0))
+    found: list[tuple[NDArray, ...]] = [none]
     for _ in range(LAYERS):
         hits = tracer.intersect(origin, aim[ray], stop_at_translucent=True)
         is_hit = hits.triangle >= 0
@@ -94,7 +186,7 @@ def mixed_footprint(
         in_light = brightest(shone) > 0
         away = ~is_hit & ~in_light
         shone[away] += lights.background(aim[ray[away]])
-        np.add.at(light, dab[ray], through[ray, None] * shone / count)
+        np.add.at(light, dab[ray], through[ray, None] * shone)
         hit = np.flatnonzero(is_hit & ~in_light)
         if not len(hit):
             break
@@ -108,32 +200,8 @@ def mixed_footprint(
         normal = scene.triangles.face_normals[triangle]
         behind = np.where((normal * aim[ray]).sum(1, keepdims=True) < 0, -normal, normal)
         origin = tracer.offset_points(position, behind, triangle)
-    return _sorted(found, light, count, stroke, scene, located, rows)
-
-
-def _sorted(
-    found: list[tuple[NDArray, ...]], light: F64, count: int, stroke: Stroke, scene: Scene, located: Located,
-    rows: NDArray,
-) -> Mixture:  # fmt: skip
-    """Sorts the points of all layers into those of the painted material and those of others."""
-    n = len(rows)
-    none = (np.zeros(0, int), np.zeros(0, np.int32), np.zeros((0, 2), np.float32), np.zeros(0))
-    dab, triangle, barycentric, weight = (np.concatenate(x) for x in zip(none, *found, strict=True))
-    shows = weight > LEAST_SHOWN
-    dab, triangle, barycentric, weight = dab[shows], triangle[shows], barycentric[shows], weight[shows]
-    of_one_mesh = stroke.scope in ("prim", "stroke")
-    mine = _is_painted(triangle, dab, scene, located, rows, of_one_mesh)
-    parts = []
-    for chosen in (mine, ~mine):
-        share = np.bincount(dab[chosen], minlength=n)[dab[chosen]] / count  # what a mean over the points divides by
-        parts.append(((dab[chosen], triangle[chosen], barycentric[chosen]), weight[chosen] * share))
-    (own, weight), (other, other_weight) = parts
-    whole = _with_centres(own, located, rows)
-    weight = np.concatenate([weight, np.ones(len(whole[0]) - len(weight))])
-    is_seen = np.isin(np.arange(n), own[0])  # the centre stands for all of a dab that shows nothing of its material
-    kept = is_seen[other[0]]
-    dab, triangle, barycentric = (x[kept] for x in other)
-    return Mixture(whole, weight, (dab, triangle, barycentric), other_weight[kept], light * is_seen[:, None])
+    seen = Shown(*(np.concatenate(x) for x in zip(*found, strict=True)))
+    return seen.chosen(seen.part > LEAST_SHOWN), light
 
 
 def _rays(
