@@ -149,7 +149,7 @@ class Shown:
 
     def cover(self, n: int) -> F64:
         """Sums of their parts by dab (n,)."""
-        return np.bincount(self.dab, self.part, n)
+        return np.bincount(self.dab, self.part, n).astype(np.float64)
 
     def shares(self, cover: F64) -> F64:
         """Weights whose mean over the points of a dab is what they cover of it (n,)."""
