@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Collection, Sequence
 
 from PySide6.QtCore import QSignalBlocker, QSize, Qt, Signal
@@ -15,7 +16,7 @@ from hydra_viewer.ui.swatches import swatch_icon, true_icon
 NUMBER = Qt.ItemDataRole.UserRole
 SWATCH, GAP = 14, 3  # pixels
 LEAST_ROWS, MOST_ROWS = 3, 9  # that are seen without scrolling
-WIDTHS = 122, 150  # of the first columns [pixels]
+WIDTHS = 118, 186  # of the first columns [pixels]
 ROW = 24  # pixels, at most
 
 
@@ -93,7 +94,7 @@ class ReviewTree(QTreeWidget):
 
 
 def _item(row: Row, number: int, is_accepted: bool) -> QTreeWidgetItem:
-    item = QTreeWidgetItem([row.name, f"{row.before} → {row.after}", row.state])
+    item = QTreeWidgetItem([row.name, _brief(f"{row.before} → {row.after}"), row.state])
     item.setFlags(item.flags() | Qt.ItemFlag.ItemIsUserCheckable)
     item.setCheckState(0, Qt.CheckState.Checked if is_accepted else Qt.CheckState.Unchecked)
     item.setData(0, NUMBER, number)
@@ -101,6 +102,11 @@ def _item(row: Row, number: int, is_accepted: bool) -> QTreeWidgetItem:
     item.setToolTip(1, f"{row.before} → {row.after}")
     item.setToolTip(2, row.state)
     return item
+
+
+def _brief(values: str) -> str:
+    """Values without the zero before the point: three numbers twice find room in the panel that way."""
+    return re.sub(r"(?<![\d.])0(?=\.\d)", "", values)
 
 
 def _both(before: QColor, after: QColor) -> QIcon:
