@@ -119,6 +119,8 @@ class Artist:
         window.easel.view_changed()  # the picture is asked for once more, and tells how far it is
         self.wait(lambda: canvas.viewport.pixels() is not None and shares[-1] > SHARE)
         canvas.progress.disconnect(tell)
+        drawn = lambda: getattr(canvas.viewport, "_drawn", None)  # noqa: E731  # Hydra's, which may be of the last view
+        self.wait(lambda: drawn() is None or drawn().wish.camera is window.easel.view.camera)
 
     def key(self, key: Qt.Key, held: Qt.KeyboardModifier = Qt.KeyboardModifier.NoModifier) -> None:
         QTest.keyClick(self.window, key, held)
