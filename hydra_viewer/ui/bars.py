@@ -111,6 +111,7 @@ class FoldedNote(QLabel):
         super().__init__()
         self._sentence = ""
         self.setProperty("isDim", True)
+        self.setContentsMargins(MARGIN, 0, 0, 0)
         self.setMinimumWidth(1)
 
     def show_note(self, sentence: str) -> None:
@@ -123,7 +124,7 @@ class FoldedNote(QLabel):
         self._fit()
 
     def _fit(self) -> None:
-        self.setText(self.fontMetrics().elidedText(self._sentence, Qt.TextElideMode.ElideRight, self.width() - 2))
+        self.setText(self.fontMetrics().elidedText(self._sentence, Qt.TextElideMode.ElideRight, self.width() - MARGIN - 2))
 
 
 LABEL = 260  # of what is being done [pixels]
