@@ -124,7 +124,8 @@ class FoldedNote(QLabel):
         self._fit()
 
     def _fit(self) -> None:
-        self.setText(self.fontMetrics().elidedText(self._sentence, Qt.TextElideMode.ElideRight, self.width() - MARGIN - 2))
+        room = self.width() - MARGIN - 2
+        self.setText(self.fontMetrics().elidedText(self._sentence, Qt.TextElideMode.ElideRight, room))
 
 
 LABEL = 260  # of what is being done [pixels]

@@ -71,6 +71,7 @@ class Filing(QObject):
         """Reads the shot anew from the disk; strokes stay, and are put on it again."""
         shot, files = self._document.shot, self._document.files
         if shot is not None:
+            self._bar.hide()  # the question whether to, where it is there
             self.autosave.hold(True)
             is_shown = self._painting.canvas.let_go()
             is_read = lambda: self.autosave.is_writing or is_shown()  # noqa: E731

@@ -9,7 +9,7 @@ from typing import Any
 from pxr import Usd, UsdGeom
 
 from usdslf.usd.binding import bound_material
-from usdslf.usd.border import quiet_usd
+from usdslf.usd.border import quiet_usd, reading
 from usdslf.usd.shot_metadata import shot_files
 
 
@@ -103,6 +103,8 @@ def reload_stage(stage: Any) -> None:
 
     Args:
         stage: Usd.Stage; all that shares its layers changes with it, so nothing else may be reading them.
+
+    Raises: StageError where one of them is no USD any more; it stays as it was read before.
     """
-    with quiet_usd():
+    with reading(str(stage.GetRootLayer().identifier)):
         stage.Reload()

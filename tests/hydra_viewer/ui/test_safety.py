@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 from kit.moving_stages import roll
 from kit.windows import drag, opened, press, sentences, solved, wait_for
-from PySide6.QtCore import QTimer
+from PySide6.QtCore import Qt, QTimer
+from PySide6.QtTest import QTest
 from PySide6.QtWidgets import QApplication, QMessageBox, QPushButton
 
 from hydra_viewer.model.autosave import autosave_path
@@ -31,7 +32,9 @@ def stage(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def answer(window: Window, text: str) -> None:
     """Presses a button of the bar."""
-    button = next(b for b in window.bar.findChildren(QPushButton) if b.text() == text and not b.isHidden())
+    shown = lambda: [b for b in window.bar.findChildren(QPushButton) if b.text() == text and b.isVisible()]  # noqa: E731
+    wait_for(lambda: bool(shown()))  # Qt shows what is added to a bar that is there a moment later
+    button = shown()[-1]
     button.click()
 
 
@@ -120,7 +123,14 @@ def test_a_shot_that_changes_on_the_disk_is_read_again_and_painted_again(tmp_pat
         drag(window.painting.canvas, ON_TABLE)
         solved(window)
         strokes, found = window.document.strokes, window.document.found
-        stage.write_text(stage.read_text().replace("(0.5, 0.4, 0.3)", "(0.1, 0.4, 0.7)"))
+        other = stage.read_text().replace("(0.5, 0.4, 0.3)", "(0.1, 0.4, 0.7)")
+        stage.write_text("#usda 1.0\nhalf of it(")
+        wait_for(lambda: window.bar.text == words.STAGE_CHANGED)
+        QTest.keyClick(window, Qt.Key.Key_F5)
+        assert window.bar.text == ""  # nothing is asked any more
+        wait_for(lambda: bool(window.bar.text))
+        assert f"{stage} is not a readable USD file" in window.bar.text
+        stage.write_text(other)
         wait_for(lambda: window.bar.text == words.STAGE_CHANGED)
         answer(window, words.RELOAD)
         wait_for(lambda: window.document.found is not found and window.document.is_solved and window.worker.is_idle)
