@@ -143,7 +143,7 @@ class ReviewPanel(QWidget):
         """Reviews the look as it was saved, on the worker: what is said of it, then pictures."""
         document = self._document
         shot, look = document.shot, document.files.look
-        if shot is None or not look:
+        if shot is None or not (look and Path(look).is_file()):
             self.failed.emit(words.SAVE_FIRST)
             return
         self.picture.clear()
