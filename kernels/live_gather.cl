@@ -105,6 +105,7 @@ __kernel void draw_first(
         float of_diffuse = 1.0f / (sampled + diffuse);
         float of_specular = 1.0f / (alone ? sampled : sampled + specular);
         __global float *out = shone + to * 8;
+        #pragma unroll
         for (int k = 0; k < WEIGHTS; k++)
             out[k] = w[k] * (k < DIFFUSE_COLUMNS ? of_diffuse * source[SRC_DIFFUSE] : of_specular * source[SRC_SPECULAR]);
         put3(a.radiance, out, 5);
@@ -145,6 +146,7 @@ __kernel void draw_first(
         float scale = 1.0f / pdf;
         out[RAY_PDF] = pdf;
         out[RAY_LOBE_PDF] = lobe_pdf;
+        #pragma unroll
         for (int k = 0; k < WEIGHTS; k++) out[RAY_WEIGHTS + k] = (k < DIFFUSE_COLUMNS) == (kind == 1) ? w[k] * scale : 0.0f;
         out[RAY_FOLDED] = fold(geometric, &d) ? 1.0f : 0.0f;
         out[RAY_ELEMENT] = surface[ELEMENT];
@@ -213,6 +215,7 @@ __kernel void gather_paths(
     triangle_to[i] = triangle[from];
     u_to[i] = u_of[from];
     v_to[i] = v_of[from];
+    #pragma unroll
     for (int k = 0; k < PATH; k++) state_to[i * PATH + k] = state[from * PATH + k];
     least_roughness[i] = state[from * PATH + 3] < SHARP_PDF ? CAUSTIC_ROUGHNESS : 0.0f;
 }
@@ -260,6 +263,7 @@ __kernel void scatter(
             float pdf = diffuse_chance * l.z / PI_F + specular_chance * lobe_pdf + coat_chance * coat_pdf;
             float sampled = a.density * chance;
             float of = 1.0f / (source[SRC_ALONE] > 0.0f ? sampled : sampled + pdf);
+            #pragma unroll
             for (int k = 0; k < WEIGHTS; k++) w[k] *= of * source[k < DIFFUSE_COLUMNS ? SRC_DIFFUSE : SRC_SPECULAR];
             shone = throughput * reflected(surface, w) * a.radiance;
             if (largest(shone) > 0.0f) {
@@ -286,6 +290,7 @@ __kernel void scatter(
     weights_of(lobe, l, h, w, &lobe_pdf, &coat_pdf);
     float pdf = diffuse_chance * l.z / PI_F + specular_chance * lobe_pdf + coat_chance * coat_pdf;
     if (!(pdf > 0.0f)) return;
+    #pragma unroll
     for (int k = 0; k < WEIGHTS; k++) w[k] /= pdf;
     throughput *= reflected(surface, w);
     float most = largest(throughput); /* paths that bring little end by chance */
@@ -350,12 +355,14 @@ __kernel void add_frame(
     __global const float *surface = surfaces + row * SURFACE;
     if (surface[MATERIAL] < 0.0f) return;
     float3 direct[WEIGHTS], soft[2];
+    #pragma unroll
     for (int k = 0; k < WEIGHTS; k++) direct[k] = (float3)(0.0f);
     soft[0] = soft[1] = (float3)(0.0f);
     for (int s = 0; s < streams; s++) {
         size_t at = s * count + i;
         if (!(shadow_length[at] > 0.0f) || blocked[at]) continue;
         float3 radiance = row3(shone + at * 8, 5);
+        #pragma unroll
         for (int k = 0; k < WEIGHTS; k++) direct[k] += shone[at * 8 + k] * radiance;
     }
     for (int kind = 0; kind < 2; kind++) {
@@ -369,6 +376,7 @@ __kernel void add_frame(
                 soft[k] += ray[RAY_WEIGHTS + k] * bounced;
             }
         } else {
+            #pragma unroll
             for (int k = DIFFUSE_COLUMNS; k < WEIGHTS; k++) direct[k] += ray[RAY_WEIGHTS + k] * (lit + bounced);
         }
     }
@@ -379,6 +387,7 @@ __kernel void add_frame(
     put3(row3(out, 3) + direct[1], out, 3);
     put3(row3(out, 6) + soft[0], out, 6);
     put3(row3(out, 9) + soft[1], out, 9);
+    #pragma unroll
     for (int k = 2; k < WEIGHTS; k++) put3(row3(out, 6 + 3 * k) + direct[k], out, 6 + 3 * k);
     float l = bright(of_columns(surface, direct[0] + soft[0], direct[1] + soft[1], direct[2], direct[3], direct[4]));
     moments[2 * row] += l;

@@ -32,6 +32,7 @@ inline float3 world_from(Lobe o, float3 l) { return unit(l.x * o.t + l.y * o.b +
 /* weights (5) of light from l, and the densities with which the lobe and the coat's lobe are drawn */
 inline void weights_of(Lobe o, float3 l, float3 h, float *w, float *lobe_pdf, float *coat_pdf)
 {
+    #pragma unroll
     for (int k = 0; k < WEIGHTS; k++) w[k] = 0.0f;
     *lobe_pdf = *coat_pdf = 0.0f;
     if (l.z <= 0.0f) return;

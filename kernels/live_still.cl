@@ -86,6 +86,7 @@ __kernel void add_samples(
         if (!(shadow_length[at] > 0.0f) || blocked[at]) continue;
         float3 radiance = row3(shone + at * 8, 5);
         float w[WEIGHTS];
+        #pragma unroll
         for (int k = 0; k < WEIGHTS; k++) w[k] = shone[at * 8 + k];
         __global const float *source = sources + s * SOURCE;
         int kind = (int)source[SRC_KIND];
@@ -100,6 +101,7 @@ __kernel void add_samples(
         if (!(ray_length[at] > 0.0f)) continue;
         __global const float *ray = drawn_ray + at * DRAWN_RAY;
         float w[WEIGHTS];
+        #pragma unroll
         for (int k = 0; k < WEIGHTS; k++) w[k] = ray[RAY_WEIGHTS + k];
         sums[1] += weighted(w, row3(arrived + at * 8, 0));
         sums[2] += weighted(w, held_back(ray, row3(arrived + at * 8, 3), arriving));

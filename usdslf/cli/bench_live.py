@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 from usdslf.rays import RayTracer
 from usdslf.render.live.picture import LivePicture
 from usdslf.render.picture import LitScene, render
-from usdslf.scene.records import Camera, constant
+from usdslf.scene.records import Camera, Scene, constant
 from usdslf.session import Session
 
 REPEATS = 3
+TURN, TURNS = 0.01, 8  # angle between frames of a camera that turns about the scene, and how many are timed
 RAY_SHARE = 8  # of a large picture's calls of embreex, the rays of every so manyth are traced again
 LIMIT = "embreex on the same rays"
 WALL, VASE = "/still_life/materials/plaster", "/still_life/materials/pewter"
@@ -108,6 +109,7 @@ def live_steps(session: Session, camera: Camera, size: tuple[int, int]) -> Itera
         seconds = best(lambda pixels=pixels: first(picture, camera, pixels))  # type: ignore[misc]
         first(watched, camera, pixels)
         yield name, seconds, LIMIT, tracer.seconds()
+    yield "live, half size, camera turning", *_turning(picture, watched, camera, half)
     for made in (picture, watched):
         for _ in made.frames(3):
             pass
@@ -133,6 +135,33 @@ def first(picture: LivePicture, camera: Camera, size: tuple[int, int]) -> None:
     other = picture.seen_by(camera, size)
     other.gather_frame(1)
     other.now()
+
+
+def _turning(
+    picture: LivePicture, watched: LivePicture, camera: Camera, size: tuple[int, int]
+) -> tuple[float, str, float]:
+    """Time of a frame while the camera turns, with all that it sees anew, and of embreex for its rays."""
+    scene, tracer = picture.scene.geometry.scene, watched.scene.geometry.tracer
+    assert isinstance(tracer, RecordingTracer)
+    cameras = [turned(camera, scene, k * TURN) for k in range(TURNS)]
+
+    def turn(shown: LivePicture) -> None:
+        for one in cameras:
+            first(shown, one, size)
+
+    seconds = best(lambda: turn(picture))
+    turn(watched)
+    return seconds / TURNS, LIMIT, tracer.seconds() / TURNS
+
+
+def turned(camera: Camera, scene: Scene, angle: float) -> Camera:
+    """Returns a camera turned about the upright axis through the middle of a scene, by an angle [radians]."""
+    middle, up = np.mean(scene.bounds, axis=0), scene.up
+    across = np.cross(np.eye(3), up)
+    turn = np.eye(4)
+    turn[:3, :3] = np.cos(angle) * np.eye(3) + np.sin(angle) * across + (1 - np.cos(angle)) * np.outer(up, up)
+    turn[:3, 3] = middle - turn[:3, :3] @ middle
+    return replace(camera, world_from_camera=turn @ camera.world_from_camera)
 
 
 def one_more(picture: LivePicture) -> None:

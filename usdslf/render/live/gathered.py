@@ -19,7 +19,7 @@ from usdslf.gpu.launch import GROUP, groups
 from usdslf.gpu.shared import Shared
 from usdslf.render.live import records as r
 from usdslf.render.live.gather import Columns
-from usdslf.render.live.scene import LiveScene, fresnel_shares
+from usdslf.render.live.scene import LiveScene
 from usdslf.render.live.view import Rows, View, Window
 
 WINDOW = 8  # pixels on a side that the filter looks at: those that share a set of numbers
@@ -97,7 +97,6 @@ class Gathered:
             former: of each part of the view, what was shown before the light changed: it fades out.
         """
         self.scene, self.former = scene, former or []
-        self._fresnel_d = scene.geometry.device.upload(fresnel_shares(scene.geometry.model))
         self.columns: list[Columns] = []
         self.light: list[tuple[Shared, Shared, Shared]] = []  # of each part: mean, filtered along rows, filtered
         self.at_hand: dict[int, ReferenceType[Share]] = {}
@@ -165,7 +164,7 @@ class Gathered:
         for p, rows in _listed(changed, view):
             part, n = view.parts[p], len(rows.host)
             g.kernel("live_combine", "mean_columns")(
-                groups(n), (GROUP,), np.uint32(n), rows, part.surface, self.columns[p].sums, part.soft, self._fresnel_d,
+                groups(n), (GROUP,), np.uint32(n), rows, part.surface, self.columns[p].sums, part.soft, g.fresnel_d,
                 self.light[p][0],
             )  # fmt: skip
         if self.is_split:
@@ -194,7 +193,7 @@ class Gathered:
             has_former = p < len(self.former)
             g.kernel("live_combine", "shade")(
                 groups(n), (GROUP,), np.uint32(n), rows, part.surface, self.light[p][2], np.int32(has_former),
-                self.former[p] if has_former else part.radiance, part.soft, self._fresnel_d, part.radiance,
+                self.former[p] if has_former else part.radiance, part.soft, g.fresnel_d, part.radiance,
             )  # fmt: skip
             part.unshaded.clear()
 
@@ -210,7 +209,7 @@ class Gathered:
                 has_former = p < len(self.former)
                 g.kernel("live_combine", "keep_former")(
                     groups(n), (GROUP,), np.uint32(n), listed, part.surface, self.light[p][2], np.int32(has_former),
-                    self.former[p] if has_former else former, part.soft, self._fresnel_d, former,
+                    self.former[p] if has_former else former, part.soft, g.fresnel_d, former,
                 )  # fmt: skip
             out.append(former)
         return out

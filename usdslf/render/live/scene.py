@@ -44,6 +44,7 @@ class Geometry:
     material_d: Any  # (T,)
     extent_d: Any  # (T,)
     tables: DeviceLookup
+    fresnel_d: Any  # (FRESNEL_COSINES,) share of the column Y in even light
     stored: Mapping[str, int]  # build constants that say how the light field's radiance is stored
 
     @staticmethod
@@ -51,13 +52,12 @@ class Geometry:
         device: Device, scene: Scene, tracer: RayTracer, lights: LightSet, field: LightField | None, each: int = EACH
     ) -> Geometry:
         """Uploads a scene; where it has more sources than `each`, some are chosen for each ray."""
-        up, t = device.upload, scene.triangles
+        up, t, model = device.upload, scene.triangles, field.model if field else "preview_surface"
         return Geometry(
-            device, tracer, scene, lights, SourceTable.of(device, lights, each), TexturePool.of(device, scene),
-            field.model if field else "preview_surface",
+            device, tracer, scene, lights, SourceTable.of(device, lights, each), TexturePool.of(device, scene), model,
             up(np.asarray(t.normals, np.float32)), up(np.asarray(t.material, np.int32)),
             up(np.asarray(tracer.extent, np.float32)), field.lookup_d if field else no_lookup(device, scene),
-            constants_of(field.outgoing_d) if field else {},
+            up(fresnel_shares(model)), constants_of(field.outgoing_d) if field else {},
         )  # fmt: skip
 
     def under(self, materials: Sequence[Material]) -> Geometry:
