@@ -1,7 +1,9 @@
 /* live_records.cl: what the kernels of the live picture share.  Device twin of usdslf/render/live/records.py, whose build
  * constants say where things stand in a row: of a surface, a material, a reference to a texture, a source of light.
  */
-/* All functions are put into the kernels: calls keep what they take and give in memory, which takes a fifth longer. */
+/* All functions are put into the kernels: calls keep what they take and give in memory, which takes a fifth longer.  PoCL has made
+ * the word a macro of nothing. */
+#undef inline
 #define inline inline __attribute__((always_inline))
 #include "reflectance.cl"
 #include "lookup.cl"
