@@ -34,6 +34,10 @@ COARSE = 0.5  # of the width and the height, then
 PAUSE = 0.02  # seconds between pictures of a delegate that goes on by itself
 
 
+_ONE = threading.Lock()
+"""Held by the thread that draws: engines of several viewports in one process are not safe on several threads."""
+
+
 @dataclass(frozen=True, eq=False)
 class Wish:
     """What is to be drawn.
@@ -157,7 +161,8 @@ class HydraRenderer(QObject):
             self.failed.emit(words.internal(error))
         finally:
             if drawing is not None:
-                drawing.release()
+                with _ONE:
+                    drawing.release()
             self.holds_stage = False
             context.doneCurrent()
             self.ended.emit()
@@ -167,18 +172,21 @@ class HydraRenderer(QObject):
         while (wish := self._next(last, drawing.share)) is not None:
             last = wish
             if wish.shown is None:
-                drawing.let_go()
+                with _ONE:
+                    drawing.let_go()
                 self.holds_stage = False
                 continue
             try:
-                drawn = drawing.draw(wish)
+                with _ONE:
+                    drawn = drawing.draw(wish)
             except UsdslfError as error:
                 self.failed.emit(str(error))
                 drawing.share = 1.0
             except Exception as error:  # the next wish is tried with a new engine
                 self.failed.emit(words.internal(error))
                 drawing.share = 1.0
-                drawing.let_go()
+                with _ONE:
+                    drawing.let_go()
             else:
                 self.drawn.emit(drawn)
 
