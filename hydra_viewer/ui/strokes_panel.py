@@ -109,7 +109,7 @@ class StrokesPanel(QWidget):
         tree.setDragDropMode(QAbstractItemView.DragDropMode.InternalMove)
         tree.setDefaultDropAction(Qt.DropAction.MoveAction)
         header = tree.header()
-        for column, width in ((0, 100), (1, 70)):
+        for column, width in ((0, 94), (1, 78)):
             header.setSectionResizeMode(column, QHeaderView.ResizeMode.Interactive)
             header.resizeSection(column, width)
         header.setStretchLastSection(True)
