@@ -157,3 +157,11 @@ def test_the_worst_units_get_more_samples_as_the_budget_allows() -> None:
     many = np.where(unit < 30, 0.1 + 0.001 * unit, 0.0).astype(np.float32)
     times, chosen = worst_units(many, unit, 1)
     assert times == 1 and set(unit[chosen]) == set(range(20, 30))  # the worst
+
+
+@pytest.mark.parametrize("roughness", [0.05, 0.1])
+def test_a_mirror_loses_no_light_to_the_tail_of_its_lobe(device: Device, roughness: float, tmp_path: Path) -> None:
+    """All tiles share few numbers: one that is drawn too far out would darken the whole of a mirror alike."""
+    even = sky(tmp_path, lambda direction: np.ones(direction.shape[:-1]))
+    value, _ = floor(device, even, (64, 48), diffuse_color=1.0, metallic=1.0, roughness=roughness)
+    assert value.mean() == pytest.approx(1, abs=0.004)
