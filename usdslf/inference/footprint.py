@@ -40,6 +40,7 @@ LAYERS = 8  # see-through surfaces of a ray
 LEAST_SHOWN = 1e-3  # of a layer
 FINEST = 4096  # rays of a dab that sees several things
 MOST_FINER = 1 << 15  # of a stroke
+RARE = 24  # points of others, below which a dab takes some of those, up to as many
 Points = tuple[NDArray, NDArray, NDArray]
 """dab (S,), triangle (S,), barycentric (S, 2)."""
 
@@ -101,7 +102,7 @@ def mixed_footprint(
         cover[mixed], light[mixed] = finer.chosen(mine).cover(len(mixed)) / more, light_there / more
         there = finer.chosen(~mine)
         other_cover[mixed] = there.cover(len(mixed)) / more
-        other = other.with_rare(there.of_dabs(mixed), n, max(count // 4, 1))
+        other = other.with_rare(there.of_dabs(mixed), n, RARE)
     # The centre stands for all of a dab that shows nothing of its material.
     shows = np.bincount(own.dab, minlength=n) > 0
     other = other.chosen(shows[other.dab])
