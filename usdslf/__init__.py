@@ -77,8 +77,9 @@ if TYPE_CHECKING:
     from usdslf.display import CHANNELS, FALSE_COLORS, DisplayPass, DisplaySettings, DisplayShader
     from usdslf.hints import find_next_dab, similarity_to
     from usdslf.inference.next_dab import NextDab
-    from usdslf.look import Look, author, live_picture, render_shot
+    from usdslf.look import Look, author
     from usdslf.picking import Pick, Seen, are_seen, pick, seen_prims
+    from usdslf.pictures import live_picture, render_shot
     from usdslf.progress import Cancelled, Progress, run, stepwise
     from usdslf.render.live.picture import LiveFrame, LivePicture
     from usdslf.report import lines_of_report, report_of
@@ -192,7 +193,8 @@ if not TYPE_CHECKING:  # type checkers are to find unknown names
         "usdslf.session": ("Session", "open"),
         "usdslf.shot": ("Shot",),
         "usdslf.solution": ("Settings", "Solution", "solve", "stylize_shot"),
-        "usdslf.look": ("Look", "author", "live_picture", "render_shot"),
+        "usdslf.look": ("Look", "author"),
+        "usdslf.pictures": ("live_picture", "render_shot"),
         "usdslf.render.live.picture": ("LiveFrame", "LivePicture"),
         "usdslf.progress": ("Cancelled", "Progress", "run", "stepwise"),
         "usdslf.strokes.stroke": ("MODES", "NORMS", "SCOPES", "SPACES", "Stroke", "TOOLS", "frame_of", "next_name"),

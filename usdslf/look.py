@@ -1,10 +1,8 @@
-"""Look: a Solution as a USD layer, and what the layer shows.
+"""Look: a Solution as a USD layer.
 
     author(shot, solution, path, ...) -> Look       writes the layer and reads it back
-    render_shot(shot, camera, look, ...)            pictures of the shot, or of it under a look
-    live_picture(shot, camera, look, ...)           one that comes at once and gets better
 
-Both tell how far they are (progress.py); as generators that `close` cancels: `stepwise(lambda: author(...))`.
+It tells how far it is (progress.py); as a generator that `close` cancels: `stepwise(lambda: author(...))`.
 """
 
 from __future__ import annotations
@@ -16,7 +14,6 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from usdslf.color import Color, color_of
 from usdslf.edits.collateral import Collateral
@@ -32,10 +29,8 @@ from usdslf.light_field.renewal import renew
 from usdslf.light_field.surface import Surface
 from usdslf.progress import step, tell, tell_during
 from usdslf.provenance import program_version, said_of_solve, words_of_phong, words_of_solve
-from usdslf.render.live.picture import LivePicture
-from usdslf.render.picture import LitScene, PictureOptions, render_bands
 from usdslf.scene.difference import MaterialsSeen, look_alike, materials_seen
-from usdslf.scene.records import Camera, Scene
+from usdslf.scene.records import Scene
 from usdslf.shot import Shot
 from usdslf.solution import Solution
 from usdslf.strokes.anchors import locate_stroke
@@ -172,67 +167,6 @@ def _author(
     own = os.fspath(path), tuple(found.edits), solution, MappingProxyType(as_written), tuple(not_shown)
     read = materials_seen(found.under) if found.under else None
     return Look(*own, tuple(collateral), tuple(said), MappingProxyType(seconds), read=read)
-
-
-def render_shot(
-    shot: Shot, camera: Camera | str | None = None, look: Look | PathLike | None = None,
-    size: tuple[int, int] = (640, 360), aovs: tuple[str, ...] = (), samples: int = 16, **options: Any,
-) -> dict[str, NDArray[np.float32]]:  # fmt: skip
-    """Renders a shot as it is, or under a look.
-
-    Args:
-        shot: it keeps its light field.
-        camera: one, or its path; None: the shot's first, or one that sees everything.
-        look: None: as the shot is.  What is rendered more than once is better kept: `shot.edited(look)`.
-        size: width and height [pixels].
-        aovs: further layers, names of `usdslf.render.picture.AOVS`.
-        samples: gathered rays a pixel.
-        options: of `usdslf.render.picture.PictureOptions`.
-
-    Returns: name -> (height, width, channels), scene-linear; `color` first.
-
-    Raises: StageError for an unknown camera, InputError for a look that cannot be read, a size or an AOV.
-    """
-    if look is not None:
-        shot = shot.edited(look.path if isinstance(look, Look) else look)
-    view = camera if isinstance(camera, Camera) else shot.camera(camera)
-    field, lights = shot.light_field, shot.lights
-    lit = LitScene(shot.scene, shot.tracer, field, lights, shot.device)
-    asked = PictureOptions(samples, shot.element_count, **options)
-
-    def render() -> dict[str, NDArray[np.float32]]:
-        for share, pictures in render_bands(lit, view, size, ("color", *aovs), asked):  # noqa: B007
-            tell(share)
-        return pictures
-
-    with step("render", shot.seconds):
-        return tell_during(render)
-
-
-def live_picture(
-    shot: Shot, camera: Camera | str | None = None, look: Look | PathLike | None = None,
-    size: tuple[int, int] = (640, 360), hide_lights: bool = False, region: tuple[int, int, int, int] | None = None,
-) -> LivePicture:  # fmt: skip
-    """Begins a picture of a shot that comes at once and gets better, for who looks at it and changes things.
-
-    Args:
-        shot: it keeps its light field.
-        camera: one, or its path; None: the shot's first, or one that sees everything.
-        look: None: as the shot is.
-        size: width and height [pixels].
-        hide_lights: lights and domes are not seen by the camera.
-        region: left, top, right, bottom [pixels], of which the picture is; None: the whole.
-
-    Returns: a LivePicture; it makes others of another camera, another size or part, or after an edit.
-
-    Raises: StageError for an unknown camera, InputError for a look that cannot be read, a size or a region.
-    """
-    if look is not None:
-        shot = shot.edited(look.path if isinstance(look, Look) else look)
-    view = camera if isinstance(camera, Camera) else shot.camera(camera)
-    lit, lights = LitScene(shot.scene, shot.tracer, shot.light_field, shot.lights, shot.device), shot.light_set
-    with step("render", shot.seconds):
-        return tell_during(lambda: LivePicture.of(lit, lights, view, size, hide_lights, region))
 
 
 def _say(said: list[str], *sentences: str) -> None:

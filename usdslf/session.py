@@ -14,7 +14,8 @@ from usdslf.hints import find_next_dab, similarity_to
 from usdslf.inference.answers import Answer
 from usdslf.inference.next_dab import NextDab
 from usdslf.inference.weights import Options
-from usdslf.look import PathLike, author, render_shot
+from usdslf.look import PathLike, author
+from usdslf.pictures import render_shot
 from usdslf.progress import Say, step
 from usdslf.scene.records import F32, Camera
 from usdslf.session_state import SessionState

@@ -12,7 +12,7 @@ import os
 import threading
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,10 +22,8 @@ from usdslf.animation.revealed import DarkProbes, probe_dark
 from usdslf.cache import keeps
 from usdslf.elements.elements import Elements, refresh_reflectance, sample_elements
 from usdslf.elements.lookup import ElementLookup
-from usdslf.errors import InputError, StageError
+from usdslf.errors import InputError
 from usdslf.gpu.device import Device, open_device
-from usdslf.inference.gathered import Gathered
-from usdslf.inference.pictured import Pictured
 from usdslf.lazy import Lazy
 from usdslf.light_field.light_field import LightField
 from usdslf.light_field.renewal import renew
@@ -38,6 +36,7 @@ from usdslf.lights.sources import LightSet
 from usdslf.progress import step, tell_during
 from usdslf.rays import RayTracer
 from usdslf.render.overview_camera import overview_camera
+from usdslf.scene.cameras import camera_of
 from usdslf.scene.difference import Afresh, is_same_but_for_reflectance, why_not_comparable
 from usdslf.scene.records import Camera, Light, Material, Scene
 from usdslf.shot_cache import ShotCache
@@ -48,6 +47,10 @@ from usdslf.usd.layer.wins import compose_over
 from usdslf.usd.preview.preview_material import PreviewMaterials
 from usdslf.usd.preview.preview_material import make_preview as make_preview_materials
 from usdslf.usd.read.read import open_stage, read_scene
+
+if TYPE_CHECKING:
+    from usdslf.inference.gathered import Gathered
+    from usdslf.inference.pictured import Pictured
 
 QUALITY = ("elements", "bounces", "refine", "model", "missing_dome", "memory")  # options of `Shot.open`
 MOST_ELEMENTS = (1 << 22) - 1
@@ -269,6 +272,8 @@ class Shot:
     @Lazy
     def pictured(self) -> Pictured:
         """Its light as pictures see it, for evidence."""
+        from usdslf.inference.pictured import Pictured  # late, as below: pictures need no inference
+
         tracer, field, lights = self.tracer, self.light_field, self.light_set
         with step("evidence", self.seconds):
             return tell_during(lambda: Pictured.of(tracer, field, lights))
@@ -276,6 +281,8 @@ class Shot:
     @Lazy
     def gathered(self) -> Gathered:
         """What was traced for strokes on it."""
+        from usdslf.inference.gathered import Gathered
+
         return Gathered()
 
     @Lazy
@@ -289,15 +296,7 @@ class Shot:
 
         Raises: StageError where there is none of that path.
         """
-        cameras = self.scene.cameras
-        if path is None:
-            return cameras[0] if cameras else self.overview
-        for camera in cameras:
-            if camera.path == path:
-                return camera
-        some = ", ".join(c.path for c in cameras[:5]) + (f" and {len(cameras) - 5} more" if len(cameras) > 5 else "")
-        without = "it has none at all: without --camera a view that sees everything is taken"
-        raise StageError(f"{self.scene.stage} has no camera {path}; {f'it has {some}' if cameras else without}")
+        return self.overview if path is None and not self.scene.cameras else camera_of(self.scene, path)
 
     # ── other states ───────────────────────────────────────────────────────────────────────────
 

@@ -20,7 +20,7 @@ from usdslf.light_field import visibility
 from usdslf.light_field.preconvolution import build_level, fresnel_diffuse, integrate_rows
 from usdslf.light_field.renewal import renew
 from usdslf.light_field.storage import Storage
-from usdslf.look import live_picture, render_shot
+from usdslf.pictures import live_picture, render_shot
 from usdslf.render.live import noise
 from usdslf.scene.cameras import camera_rays
 from usdslf.scene.records import Material, constant

@@ -10,7 +10,7 @@ from kit.reviewed_looks import PACKED, RED, write_look
 from numpy.typing import NDArray
 from pxr import Gf, Usd, UsdGeom
 
-from usdslf.look import render_shot
+from usdslf.pictures import render_shot
 from usdslf.shot import Shot
 from usdslf.usd.review.accept import Wish, accept_look
 from usdslf.usd.review.toggle import toggle

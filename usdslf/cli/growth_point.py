@@ -20,7 +20,7 @@ import numpy as np
 from usdslf.cache import switched
 from usdslf.cli.bench import peak_memory
 from usdslf.cli.growth_shots import HALF, Growing, build_growing
-from usdslf.look import live_picture, render_shot
+from usdslf.pictures import live_picture, render_shot
 from usdslf.scene.cameras import project_points
 from usdslf.shot import Shot
 from usdslf.solution import find_solution

@@ -170,8 +170,7 @@ class Device:
         key, built = (stem, *sorted(constants.items())), self._programs.built
         with self._programs.building:
             if (*key, function) not in self._kernels:
-                if key not in built:
-                    built[key] = self._build(stem, constants)
+                self._build_once(stem, constants)
                 try:
                     made = cl.Kernel(built[key], function)
                 except (AttributeError, cl.LogicError):  # what another process was writing to a driver's cache
@@ -179,6 +178,16 @@ class Device:
                     made = cl.Kernel(built[key], function)
                 self._kernels[(*key, function)] = Kernel(made, self.queue)
             return self._kernels[(*key, function)]
+
+    def build(self, stem: str, **constants: Any) -> None:
+        """Builds what `kernel` will ask for; without Python's lock, on any thread."""
+        with self._programs.building:
+            self._build_once(stem, constants)
+
+    def _build_once(self, stem: str, constants: dict[str, Any]) -> None:
+        key = (stem, *sorted(constants.items()))
+        if key not in self._programs.built:
+            self._programs.built[key] = self._build(stem, constants)
 
     def _build(self, stem: str, constants: dict[str, Any]) -> Any:
         options = ["-cl-std=CL1.2", *(f"-D{name}={value}" for name, value in constants.items())]

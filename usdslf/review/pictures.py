@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdslf.color import luminance
-from usdslf.look import live_picture
+from usdslf.pictures import live_picture
 from usdslf.progress import tell
 from usdslf.render.live.picture import LivePicture
 from usdslf.review.views import View

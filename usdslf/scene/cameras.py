@@ -13,7 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from usdslf.scene.records import F32, F64, Camera
+from usdslf.errors import StageError
+from usdslf.scene.records import F32, F64, Camera, Scene
 
 APERTURE_UNIT = 0.1  # stage units in one unit of aperture of an orthographic camera (GfCamera::APERTURE_UNIT)
 
@@ -26,6 +27,19 @@ class CameraRays:
     direction: F32  # (n, 3) unit
     limit: F32  # (n,) distance of the far plane, inf without one
     near: F32  # (n,) distance from the eye to the origin
+
+
+def camera_of(scene: Scene, path: str | None = None) -> Camera:
+    """Returns the camera of a path; None: the first of the cameras that there are.
+
+    Raises: StageError where there is none of that path.
+    """
+    cameras = scene.cameras
+    if found := [c for c in cameras if path in (None, c.path)]:
+        return found[0]
+    some = ", ".join(c.path for c in cameras[:5]) + (f" and {len(cameras) - 5} more" if len(cameras) > 5 else "")
+    without = "it has none at all: without --camera a view that sees everything is taken"
+    raise StageError(f"{scene.stage} has no camera {path}; {f'it has {some}' if cameras else without}")
 
 
 def looking(eye: F64, back: F64, up: F64) -> F64:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -69,8 +70,17 @@ class Geometry:
 
     def kernel(self, stem: str, name: str) -> Kernel:
         """Returns a kernel of the live picture, built for its model."""
-        constants = {**r.CONSTANTS, **model_of(self.model).constants, **self.stored}
-        return self.device.kernel(stem, name, **constants)
+        return self.device.kernel(stem, name, **constants_of_kernels(self.model, self.stored))
+
+
+def constants_of_kernels(model: str, stored: Mapping[str, int] = MappingProxyType({})) -> dict[str, Any]:
+    """Returns the macros of the live picture's kernels.
+
+    Args:
+        model: of reflectance.
+        stored: of `constants_of`, how the light field's radiance is stored; empty: in float32.
+    """
+    return {**r.CONSTANTS, **model_of(model).constants, **stored}
 
 
 def no_lookup(device: Device, scene: Scene) -> DeviceLookup:
