@@ -32,6 +32,7 @@ from usdslf.scene.records import Light, Scene
 from usdslf.textures.files import file_of, stamp_of
 
 VERSION = 1  # raise it when entries hold something else
+KINDS = ("elements", "lookup", "visibility", "light", "field")  # of entries of shots, a word each
 BENEATH = ("numpy", "scipy", "embreex", "pyopencl")
 
 Arrays = Mapping[str, NDArray]
@@ -92,6 +93,7 @@ class ShotCache:
         return self._kept("field", lambda: {"radiance": compute()}, *parts)["radiance"]
 
     def _kept(self, kind: str, compute: Callable[[], Arrays], *parts: str | int) -> dict[str, NDArray]:
+        assert kind in KINDS
         return cache.arrays(cache.address(kind, VERSION, program_code(), *parts), compute, of_shot=True)
 
     @cached_property

@@ -180,6 +180,8 @@ def test_bench_prints_the_agreed_table(run: Run, monkeypatch: pytest.MonkeyPatch
     assert 0 < again["moved_bytes"] < new["moved_bytes"]  # what is known is not gathered again
     assert rows["undo of the third"]["moved_bytes"] == 0
     assert {"another choice", "18 dabs on one material"} < set(rows)
+    first, second = rows["first start to first live frame"], rows["second start to first live frame"]
+    assert second["limit_seconds"] == pytest.approx(first["seconds"] / 5) and "answer to live picture" in rows
     assert min(row["seconds"] for row in rows.values()) > 0 and found["total_seconds"] > 0
     assert found["memory_bytes"] > 0
 
@@ -188,7 +190,7 @@ def test_interrupt_leaves_the_earlier_file(shot: Path, tmp_path: Path) -> None:
     target = tmp_path / "a.exr"
     target.write_bytes(b"earlier")
     code = (
-        "import sys, usdslf.look as s\n"
+        "import sys, usdslf.pictures as s\n"
         "def stop(*a, **k): raise KeyboardInterrupt\n"
         "s.render_bands = stop\n"
         "from usdslf.cli.main import main\n"

@@ -22,6 +22,7 @@ import numpy as np
 from usdslf.animation.frames import PlacedFrame, carry
 from usdslf.cache import switched
 from usdslf.cli.bench_live import best, final_step, live_steps
+from usdslf.cli.bench_start import start_steps
 from usdslf.cli.bench_strokes import stroke_steps
 from usdslf.gallery import still_life
 from usdslf.gallery.play import Play
@@ -58,6 +59,7 @@ def measure(device: str | None, ocio: str | None, elements: int, say: Say) -> di
         for stroke in strokes:
             session.add_stroke(stroke)
         session.solve()
+        answered = session.solution.materials(session.shot) or session.scene.materials
         session.author(folder / "look.usda")
         total = time.perf_counter() - began
         cold = dict(session.seconds)
@@ -66,6 +68,7 @@ def measure(device: str | None, ocio: str | None, elements: int, say: Say) -> di
         seconds, limit, limit_seconds, rays = final_step(session, camera, SIZE)  # while its files are there
         rounds = len(session.stylize().rounds)
         session.author(folder / "style.usda")
+        starts = list(start_steps(session.shot.path, elements, SIZE, device))
     styling = session.seconds["stylize"]
     n = len(session.elements)
     links, field = n * D, n * D * 12
@@ -85,7 +88,8 @@ def measure(device: str | None, ocio: str | None, elements: int, say: Say) -> di
         _row("its look, read back", session.seconds["author"] - cold["author"]),
         {**_row(f"picture {SIZE[0]} x {SIZE[1]}", seconds, limit, limit_seconds, paper=75), "rays": rays},
         *(_row(name, seconds, moved=moved) for name, seconds, moved in stroke_steps(session, strokes)),
-        *(_row(*timed) for timed in live_steps(session, camera, SIZE)),
+        *(_row(*timed) for timed in live_steps(session, camera, SIZE, answered)),
+        *(_row(*timed) for timed in starts),
     ]
     return {
         "device": session.device.name,
@@ -217,7 +221,7 @@ def lines_of_table(found: Mapping[str, Any]) -> Iterator[str]:
     """Yields the table that people read."""
     yield f"{found['device']}: {found['elements']} elements x {found['directions']} directions"
     head = f"{'ms':>9}{'limit ms':>10}{'ratio':>7}{'MB':>8}{'moved MB':>10}{'paper ms':>10}{'M rays':>8}"
-    yield f"{'step':<31}{head}  limit"
+    yield f"{'step':<33}{head}  limit"
     for row in found["rows"]:
         limit = f"{row['limit_seconds'] * 1000:.0f}" if row["limit_seconds"] else ""
         ratio = f"{row['ratio']:.2f}" if row["ratio"] else ""
@@ -225,7 +229,7 @@ def lines_of_table(found: Mapping[str, Any]) -> Iterator[str]:
         moved = "" if row["moved_bytes"] is None else f"{row['moved_bytes'] / 1e6:.2f}"
         rays = f"{row['rays'] / 1e6:.1f}" if row["rays"] else ""
         yield (
-            f"{row['step']:<31}{row['seconds'] * 1000:>9.0f}{limit:>10}{ratio:>7}{size:>8}{moved:>10}"
+            f"{row['step']:<33}{row['seconds'] * 1000:>9.0f}{limit:>10}{ratio:>7}{size:>8}{moved:>10}"
             f"{row['paper_ms'] or '':>10}{rays:>8}  {row['limit']}"
         )
     yield (

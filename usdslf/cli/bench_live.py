@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from usdslf.rays import RayTracer
 from usdslf.render.live.picture import LivePicture
 from usdslf.render.picture import LitScene, render
-from usdslf.scene.records import Camera, Scene, constant
+from usdslf.scene.records import Camera, Material, Scene, constant
 from usdslf.session import Session
 
 REPEATS = 3
@@ -92,10 +92,13 @@ def best(work: Callable[[], object], repeats: int = 0) -> float:
     return min(found)
 
 
-def live_steps(session: Session, camera: Camera, size: tuple[int, int]) -> Iterator[Timed]:
+def live_steps(
+    session: Session, camera: Camera, size: tuple[int, int], answered: Sequence[Material]
+) -> Iterator[Timed]:
     """Yields the steps of a live picture of the demo, warm.
 
     Args:
+        answered: the materials as strokes ask for them.
         size: of a whole picture [pixels].
     """
     lights, half = session.light_set, (max(1, size[0] // 2), max(1, size[1] // 2))
@@ -117,6 +120,7 @@ def live_steps(session: Session, camera: Camera, size: tuple[int, int]) -> Itera
     seconds = best(lambda: one_more(picture))
     one_more(watched)
     yield "live, one more frame", seconds, LIMIT, tracer.seconds()
+    yield "answer to live picture", best(lambda: shown_with(picture, answered)), "", None
     yield "live, after a change of diffuse", *_edited(session, picture, WALL, "diffuse_color", constant(0.2, 0.5, 0.3))
     yield "live, after one of roughness", *_edited(session, picture, VASE, "roughness", constant(0.35))
 
@@ -164,6 +168,13 @@ def turned(camera: Camera, scene: Scene, angle: float) -> Camera:
     return replace(camera, world_from_camera=turn @ camera.world_from_camera)
 
 
+def shown_with(picture: LivePicture, materials: Sequence[Material]) -> None:
+    """Shows what is seen with other materials, once."""
+    other = picture.with_materials(materials)
+    other.gather_frame(1)
+    other.now()
+
+
 def one_more(picture: LivePicture) -> None:
     """Adds a frame, and shows it."""
     picture.gather_frame(picture.now().number + 1)
@@ -178,8 +189,6 @@ def _edited(session: Session, picture: LivePicture, path: str, name: str, value:
 
     def edit() -> None:
         changed = replace(shown[number], **{name: (value * next(step)).astype(np.float32)})
-        other = picture.with_materials((*shown[:number], changed, *shown[number + 1 :]))
-        other.gather_frame(1)
-        other.now()
+        shown_with(picture, (*shown[:number], changed, *shown[number + 1 :]))
 
     return best(edit), "", None
