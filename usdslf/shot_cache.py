@@ -32,7 +32,7 @@ from usdslf.scene.records import Light, Scene
 from usdslf.textures.files import file_of, stamp_of
 
 VERSION = 1  # raise it when entries hold something else
-KINDS = ("elements", "lookup", "visibility", "light", "field")  # of entries of shots, a word each
+KINDS = ("elements", "lookup", "visibility", "light", "field", "near")  # of entries of shots, a word each
 BENEATH = ("numpy", "scipy", "embreex", "pyopencl")
 
 Arrays = Mapping[str, NDArray]

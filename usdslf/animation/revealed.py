@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from usdslf.elements.elements import (
     CANDIDATES,
@@ -26,6 +25,7 @@ from usdslf.elements.elements import (
 )
 from usdslf.elements.reachability import CANDIDATE_ROUNDS, find_reached_points, share_of_reached
 from usdslf.sampling.blue_noise import choose_blue_noise, surface_coordinates
+from usdslf.sampling.nearest import tree_of
 from usdslf.scene.records import F32, I32, Scene
 from usdslf.surfaces.surface_points import SurfacePoints, evaluate_surface
 
@@ -110,7 +110,7 @@ def reveal_elements(
     spacing = np.sqrt(sides.each)
     coordinates = surface_coordinates(points.position[ask], normal[ask], group[ask], spacing[group[ask]])
     k = min(NEIGHBOURS, len(ask))
-    near = cKDTree(coordinates).query(coordinates, k=k, workers=tracer.threads)[1].reshape(len(ask), k)
+    near = tree_of(coordinates).query(coordinates, k=k, workers=tracer.threads)[1].reshape(len(ask), k)
     # Few see light by chance deep inside of something, and none of those around see it behind a wall.
     share = share_of_reached(tracer, points.position[ask], normal[ask], reached, np.arange(len(ask)), near)
     kept = np.flatnonzero(share > 0.5)
@@ -124,7 +124,7 @@ def reveal_elements(
     chosen = choose_blue_noise(coordinates, group, quota, rng)
     assert len(elements) + len(chosen) < LARGEST_COUNT, len(chosen)
     each = new_area / np.maximum(np.bincount(group[chosen], minlength=total), 1)
-    surroundings = cKDTree(coordinates[chosen]).query(coordinates, workers=tracer.threads)[1]
+    surroundings = tree_of(coordinates[chosen]).query(coordinates, workers=tracer.threads)[1]
     new = elements_of_pool(points, group, chosen, surroundings, each, part_of_triangle, rng)
     names = [f.name for f in fields(Elements) if f.name != "part_of_triangle"]
     return replace(elements, **{n: np.concatenate([getattr(elements, n), getattr(new, n)]) for n in names})
@@ -171,10 +171,10 @@ def _free_of(elements: Elements, sides: _Sides, tracer: RayTracer) -> _Free:
             spacing[groups],
         )
         there, asked = both[: len(beside)], both[len(beside) :]
-        away = cKDTree(there).query(asked, distance_upper_bound=HOLE, workers=tracer.threads)[0]
+        away = tree_of(there).query(asked, distance_upper_bound=HOLE, workers=tracer.threads)[0]
         free[at] = hole = away > HOLE
         if rim and hole.any():
-            near = cKDTree(asked[hole]).query(asked, distance_upper_bound=rim, workers=tracer.threads)[0]
+            near = tree_of(asked[hole]).query(asked, distance_upper_bound=rim, workers=tracer.threads)[0]
             free[at] = np.isfinite(near) & (away > HOLE - rim)
         return free
 

@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from usdslf.elements.reachability import CANDIDATE_ROUNDS, PROBE_ROUNDS, find_reached_points, share_of_reached
 from usdslf.errors import StageError
 from usdslf.progress import tell
 from usdslf.sampling.blue_noise import choose_blue_noise, surface_coordinates
 from usdslf.sampling.frames import tangents
+from usdslf.sampling.nearest import tree_of
 from usdslf.scene.records import F32, I32, Scene
 from usdslf.surfaces.surface_points import SurfacePoints, evaluate_surface
 
@@ -127,7 +127,7 @@ def sample_elements(
     tell(0.9)
     number = np.bincount(pool.group[chosen], minlength=2 * parts)
     each = (reached * side_area) / np.maximum(number, 1)
-    surroundings = cKDTree(coordinates[chosen]).query(coordinates, workers=tracer.threads)[1]
+    surroundings = tree_of(coordinates[chosen]).query(coordinates, workers=tracer.threads)[1]
     return elements_of_pool(points, pool.group, chosen, surroundings, each, part_of_triangle, rng)
 
 
@@ -278,7 +278,7 @@ def _reached_candidates(
         size = np.sqrt(np.bincount(part_of_triangle, area)[group % parts] / np.maximum(number[group], 1))
         where = surface_coordinates(points.position, normal, group, np.maximum(size, 1e-30))
         known = np.concatenate([lit, dark])
-        near = cKDTree(where[known]).query(where[dark], k=min(6, len(known)), workers=tracer.threads)[1]
+        near = tree_of(where[known]).query(where[dark], k=min(6, len(known)), workers=tracer.threads)[1]
         reached[dark[share_of_reached(tracer, points.position, normal, reached, dark, known[near]) > 0.6]] = True
     keep = np.flatnonzero(reached)
     kept = take_points(points, keep)

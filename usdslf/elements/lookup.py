@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from usdslf.elements.cells import (
     MOST_CELLS,
@@ -27,6 +26,7 @@ from usdslf.elements.cells import (
     wanted_divisions,
 )
 from usdslf.elements.neighbours import NONE, PER_ENTRY, near_elements
+from usdslf.sampling.nearest import tree_of
 from usdslf.scene.records import Scene
 
 if TYPE_CHECKING:
@@ -236,7 +236,7 @@ class ElementLookup:
             side = elements.part_of_triangle[triangle] * 2 + back
             new_side = elements.part[known:] * 2 + (elements.side[known:] < 0)
             rows = np.flatnonzero(np.isin(side, new_side))
-            away = cKDTree(elements.position[known:]).query(position[rows])[0]
+            away = tree_of(elements.position[known:]).query(position[rows])[0]
             near[rows] |= away <= self._reach_of_entry[rows]
         at = np.flatnonzero(near)
         return at, self._cell_of_entry[at]

@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from usdslf.progress import in_blocks
 from usdslf.rays import LIFT, see_each_other
 from usdslf.sampling.blue_noise import surface_coordinates
+from usdslf.sampling.nearest import tree_of
 from usdslf.scene.records import F32
 
 if TYPE_CHECKING:
@@ -55,7 +55,7 @@ def near_elements(
     )
     k = min(ASKED, count)
     reach = np.linalg.norm(np.ptp(both[:, :-1], axis=0)) + 1.0  # of a group: others are not looked at
-    tree = cKDTree(both[:count])
+    tree = tree_of(both[:count])
     near = np.empty((len(position), k), np.int64)
     for rows in in_blocks(len(position), BATCH):
         asked_for = both[count:][rows]

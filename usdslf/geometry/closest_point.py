@@ -13,9 +13,9 @@ from weakref import ReferenceType, ref
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from usdslf.progress import in_blocks, tell
+from usdslf.sampling.nearest import tree_of
 from usdslf.scene.records import F64
 
 BLOCK = 1024  # points that are looked at between two words of progress
@@ -81,11 +81,11 @@ class _Spheres:
         self.number, self.center = number, corners.mean(1)
         self.radius = np.linalg.norm(corners - self.center[:, None], axis=2).max(1)
         self.marks = np.concatenate([self.center, corners.reshape(-1, 3)])
-        self.tree = cKDTree(self.marks)
+        self.tree = tree_of(self.marks)
         tell()
         size = np.ceil(np.log2(np.maximum(self.radius, 1e-6 * self.radius.max() + 1e-300)))
         alike = [np.flatnonzero(size == one) for one in np.unique(size)]
-        self.classes = [(rows, cKDTree(self.center[rows]), self.radius[rows].max()) for rows in alike]
+        self.classes = [(rows, tree_of(self.center[rows]), self.radius[rows].max()) for rows in alike]
 
     def with_corners(self, points: F64) -> tuple[NDArray, F64]:
         """Number (n,) of the first triangle that has each point as a corner, and its barycentrics (n, 2) there."""

@@ -13,8 +13,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.spatial import cKDTree
+from numpy.typing import NDArray
 
+from usdslf.cache import address, arrays
 from usdslf.color import luminance
 from usdslf.gpu.launch import GROUP, groups
 from usdslf.light_field.light_field import LightField
@@ -23,6 +24,7 @@ from usdslf.lights.sources import LightSet
 from usdslf.render.wide_field import BLOCK
 from usdslf.sampling.blue_noise import surface_coordinates
 from usdslf.sampling.hemisphere import SIDE, D, bin_directions
+from usdslf.sampling.nearest import tree_of
 from usdslf.scene.records import F32
 from usdslf.threads import thread_count
 
@@ -90,7 +92,11 @@ def mean_about(value: F32, elements: Elements) -> F32:
     spacing = np.sqrt(np.bincount(group, elements.area) / np.maximum(number, 1))
     where = surface_coordinates(elements.position, elements.normal, group, spacing[group])
     k = min(ABOUT, len(value))
-    near = cKDTree(where).query(where, k=k, workers=thread_count())[1].reshape(len(value), k)
+
+    def search() -> dict[str, NDArray]:
+        return {"near": tree_of(where).query(where, k=k, workers=thread_count())[1].reshape(len(value), k)}
+
+    near = arrays(address("near", 1, where.tobytes(), k), search, of_shot=True)["near"]
     same = group[near] == group[:, None]
     mean: F32 = ((value[near] * same).sum(1) / same.sum(1)).astype(np.float32)
     return mean

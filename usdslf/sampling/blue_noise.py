@@ -13,9 +13,9 @@ from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from usdslf.progress import tell
+from usdslf.sampling.nearest import tree_of
 
 HEXAGONAL = np.sqrt(2 / np.sqrt(3))  # distance of the densest packing of unit cells
 RADII = (0.86, 0.80, 0.74, 0.66, 0.55, 0.4)  # of HEXAGONAL; about 0.8 is the best that can be filled
@@ -87,7 +87,7 @@ def _near_pairs(coordinates: NDArray, radius: float, rank: NDArray) -> tuple[NDA
     """Returns the pairs of points (k,), (k,) within the radius, that of the lower rank first."""
     if not len(coordinates):
         return np.zeros(0, np.int32), np.zeros(0, np.int32)
-    pairs = cKDTree(coordinates).query_pairs(radius, output_type="ndarray")
+    pairs = tree_of(coordinates).query_pairs(radius, output_type="ndarray")
     a, b = pairs[:, 0].astype(np.int32), pairs[:, 1].astype(np.int32)
     swap = rank[a] > rank[b]
     return np.where(swap, b, a), np.where(swap, a, b)

@@ -12,14 +12,19 @@ Source: Nguyen et al. 2013, 6.5 and figure 13; Kopf et al. 2007.
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.spatial import cKDTree
 
 from usdslf.progress import in_blocks
+from usdslf.sampling.nearest import tree_of
 from usdslf.scene.records import F64
 from usdslf.similarity.similarity import Places
 from usdslf.threads import thread_count
+
+if TYPE_CHECKING:
+    from scipy.spatial import cKDTree
 
 NEAREST = 16
 APPEARANCE_STEP = 0.06  # of d, F0 and roughness together
@@ -46,7 +51,7 @@ def upsampling_weights(
 ) -> tuple[NDArray[np.int64], F64]:
     """Returns which elements (n, k) each place takes its change from, and their weights (n, k), 1 in all."""
     count = min(nearest, len(known))
-    tree = cKDTree(known.position)
+    tree = tree_of(known.position)
     looks = appearance and bool(
         np.ptp(known.reflectance, axis=0).any() or (x.reflectance != known.reflectance[0]).any()
     )

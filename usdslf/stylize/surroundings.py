@@ -16,10 +16,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from usdslf.elements.elements import Elements
 from usdslf.rays import LIFT
+from usdslf.sampling.nearest import tree_of
 from usdslf.scene.records import F32, I32
 
 if TYPE_CHECKING:
@@ -51,10 +51,10 @@ def find_surroundings(elements: Elements, tracer: RayTracer, radius: float, most
             at where there are more.
     """
     n = len(elements)
-    tree = cKDTree(elements.position)
+    tree = tree_of(elements.position)
     share = min(1.0, most * n / max(int(tree.count_neighbors(tree, radius)), 1))
     chosen = np.sort(np.random.default_rng(0).permutation(n)[: max(int(np.ceil(share * n)), 1)])
-    pairs = tree.sparse_distance_matrix(cKDTree(elements.position[chosen]), radius, output_type="ndarray")
+    pairs = tree.sparse_distance_matrix(tree_of(elements.position[chosen]), radius, output_type="ndarray")
     here, there = pairs["i"].astype(np.int64), chosen[pairs["j"]].astype(np.int64)
     weight = elements.area[there] * (1 - np.minimum(pairs["v"] / radius, 1) ** 2) ** 2
     keep = (weight > 0) & ~_hidden(elements, tracer, here, there)

@@ -21,7 +21,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from usdslf.edits.edits import FREED
 from usdslf.elements.elements import Elements
@@ -34,6 +33,7 @@ from usdslf.light_field.surface import Surface
 from usdslf.progress import tell
 from usdslf.sampling.blue_noise import surface_coordinates
 from usdslf.sampling.hemisphere import D, bin_directions
+from usdslf.sampling.nearest import tree_of
 from usdslf.scene.records import F64, Scene
 from usdslf.stylize.element_solve import (
     OWN,
@@ -291,7 +291,7 @@ def smooth_changes(elements: Elements, before: Surface, after: Surface) -> Surfa
     spacing = np.sqrt(np.bincount(group, elements.area) / np.maximum(number, 1))
     place = surface_coordinates(elements.position, elements.normal, group, spacing[group])
     look = Parameters.of(before).packed / ALIKE
-    distance, near = cKDTree(np.concatenate([place, look], 1)).query(
+    distance, near = tree_of(np.concatenate([place, look], 1)).query(
         np.concatenate([place, look], 1), k=min(SMOOTH_OVER, n), distance_upper_bound=SMOOTH_WITHIN
     )
     distance, near = distance.reshape(n, -1), near.reshape(n, -1)

@@ -13,7 +13,6 @@ from weakref import ReferenceType, ref
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import maximum_filter1d
 
 from usdslf.gpu.launch import GROUP, groups
 from usdslf.gpu.shared import Shared
@@ -238,6 +237,8 @@ def _listed(changed: list[NDArray[np.uint32]], view: View) -> Iterator[tuple[int
 
 def _about(changed: list[NDArray[np.uint32]], view: View) -> list[NDArray[np.uint32]]:
     """Rows whose filter looks at some rows of the grid, besides those that changed themselves."""
+    from scipy.ndimage import maximum_filter1d  # late: a first frame does without scipy, see sampling/nearest.py
+
     is_in = np.zeros((view.window.height, view.window.width), bool)
     is_in.reshape(-1)[changed[0]] = True
     for axis in (0, 1):
