@@ -21,9 +21,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from usdslf.inference.attainable import error_of
 from usdslf.inference.bilinear import Tables
@@ -33,9 +33,13 @@ from usdslf.inference.fit import Problem
 from usdslf.inference.planes import nearness, planes
 from usdslf.inference.solve import refit, refit_problem, score
 from usdslf.inference.weights import Options
+from usdslf.sampling.nearest import tree_of
 from usdslf.scene.records import F64
 from usdslf.similarity.similarity import Places, Weights, blocks, reach_of, shares
 from usdslf.surfaces.reflectance import COLUMNS, Parameters
+
+if TYPE_CHECKING:
+    from scipy.spatial import cKDTree
 
 LENGTHS = (0.5, 0.25, 0.12, 0.06, 0.03)  # of smoothing, in the stroke's extent
 FEWEST = 6  # dabs that can say that something varies
@@ -90,7 +94,7 @@ class Varying:
     @cached_property
     def _tree(self) -> cKDTree:
         """The dabs, for the nearest of them."""
-        return cKDTree(self.places.position)
+        return tree_of(self.places.position)
 
     @cached_property
     def _middle(self) -> F64:
