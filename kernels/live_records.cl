@@ -1,10 +1,12 @@
 /* live_records.cl: what the kernels of the live picture share.  Device twin of usdslf/render/live/records.py, whose build
  * constants say where things stand in a row: of a surface, a material, a reference to a texture, a source of light.
  */
-/* All functions are put into the kernels: calls keep what they take and give in memory, which takes a fifth longer.  PoCL has made
- * the word a macro of nothing. */
+/* All functions are put into the kernels, but for a simulator that knows no such code (CALLS): calls keep what they take
+ * and give in memory, which takes a fifth longer.  PoCL has made the word a macro of nothing. */
+#ifndef CALLS
 #undef inline
 #define inline inline __attribute__((always_inline))
+#endif
 #include "reflectance.cl"
 #include "lookup.cl"
 

@@ -69,7 +69,7 @@ def watched(size: int) -> Iterator[tuple[Counter[Name], Counter[Name]]]:
         return found
 
     def build(self: Device, stem: str, constants: dict[str, Any]) -> Any:
-        os.environ["PYOPENCL_BUILD_OPTIONS"] = "" if stem in OPTIMIZED else "-cl-opt-disable"
+        os.environ["PYOPENCL_BUILD_OPTIONS"] = "-DCALLS" + ("" if stem in OPTIMIZED else " -cl-opt-disable")
         return make(self, stem, constants)
 
     def launch(self: Kernel, global_size: tuple[int, ...], local: tuple[int, ...] | None, *args: Any) -> None:
