@@ -23,9 +23,7 @@ from usdslf.scene.records import Camera
 from usdslf.shot import Shot
 
 if TYPE_CHECKING:
-    from usdslf.look import Look
-
-PathLike = str | os.PathLike[str]
+    from usdslf.look import Look, PathLike
 
 
 def render_shot(
