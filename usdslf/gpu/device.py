@@ -150,6 +150,11 @@ class Device:
         target, source = (a.base_data if isinstance(a, cla.Array) else a.buffer for a in (target_d, source_d))
         cl.enqueue_copy(self.queue, target, source)
 
+    def copy_rows(self, target_d: Any, source_d: Any, count: int) -> None:
+        """Copies the first rows of an array of the device to the first of another one."""
+        size = count * source_d.strides[0]
+        cl.enqueue_copy(self.queue, target_d.base_data, source_d.base_data, byte_count=size)
+
     def copied(self, array_d: Any) -> Any:
         """Returns another array of the device with the same content."""
         other_d = self.empty(array_d.shape, array_d.dtype)

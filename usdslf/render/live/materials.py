@@ -16,11 +16,13 @@ from numpy.typing import NDArray
 from usdslf.color import Color, color_of
 from usdslf.gpu.device import Device
 from usdslf.render.live import records as r
-from usdslf.scene.records import F32, Input, Material, Scene, Texture
+from usdslf.scene.records import Input, Material, Scene, Texture
 from usdslf.textures.store import load_image
 from usdslf.textures.texels import WRAPS
 
 TEXEL_BYTES = 512 << 20  # of all textures on the device, decoded
+TEXEL = 16  # bytes of one
+BAND = 64  # rows of an image that are brought to the device at a time
 _INPUTS = {
     "diffuse_color": (r.IN_DIFFUSE, 3), "specular_color": (r.IN_SPECULAR, 3), "emissive_color": (r.IN_EMISSION, 3),
     "metallic": (r.IN_METALLIC, 1), "roughness": (r.IN_ROUGHNESS, 1), "clearcoat": (r.IN_COAT, 1),
@@ -30,15 +32,16 @@ _INPUTS = {
 
 @dataclass
 class TexturePool:
-    """Decoded images on the device, and sets of texture coordinates; only grows."""
+    """Decoded images on the device, and sets of texture coordinates; only grows.  The host keeps no texels."""
 
     device: Device
     scene: Scene
     color: Color
     images: dict[tuple[str, str], int] = field(default_factory=dict)
     sets: dict[str, int] = field(default_factory=dict)
-    texels: list[F32] = field(default_factory=list)  # (H W, 4) each
     shapes: list[tuple[int, int, int]] = field(default_factory=list)  # first texel, width, height
+    _count: int = 0  # texels of all images
+    _texels_d: Any = None  # (_count and more, 4)
     _uploaded: tuple[int, Any, Any, Any] | None = None
 
     @staticmethod
@@ -46,26 +49,48 @@ class TexturePool:
         """Returns an empty one."""
         return TexturePool(device, scene, color_of(scene.ocio, scene.working_space))
 
+    def reserve(self, materials: Sequence[Material]) -> None:
+        """Makes room for all textures of some materials at once, as far as they are for the device."""
+        inputs = [v for m in materials for v in vars(m).values() if isinstance(v, Texture) and _is_one_image(v)]
+        asked, total = {(v.path, v.color_space): v for v in inputs}, self._count
+        for key in asked.keys() - self.images.keys():
+            try:
+                height, width = load_image(*key, self.color).shape[:2]
+            except OSError:
+                continue
+            if TEXEL * (total + height * width) <= TEXEL_BYTES:
+                total += height * width
+        self._make_room(total)
+
     def image(self, texture: Texture) -> int | None:
         """Returns the number of a texture's image; -1: it cannot be read; None: it is not for the device."""
-        if texture.tiles or "<UDIM>" in texture.path:
-            return None
-        if not texture.path:
-            return -1
+        if not _is_one_image(texture):
+            return -1 if not (texture.tiles or texture.path) else None
         key = (texture.path, texture.color_space)
         if key not in self.images:
             try:
                 image = load_image(texture.path, texture.color_space, self.color)
                 height, width = image.shape[:2]
-                if 16 * (height * width + sum(len(t) for t in self.texels)) > TEXEL_BYTES:
+                if TEXEL * (height * width + self._count) > TEXEL_BYTES:
                     return None
-                values = image.rows(0, height).reshape(-1, 4)
+                self._make_room(self._count + height * width)
+                for top in range(0, height, BAND):
+                    values = image.rows(top, min(top + BAND, height)).reshape(-1, 4)
+                    self.device.put(self._texels_d, self._count + top * width, np.asarray(values, np.float32))
             except OSError:
                 return -1
-            self.shapes.append((sum(len(t) for t in self.texels), width, height))
-            self.texels.append(np.ascontiguousarray(values, np.float32))
+            self.shapes.append((self._count, width, height))
+            self._count += height * width
             self.images[key] = len(self.shapes) - 1
         return self.images[key]
+
+    def _make_room(self, count: int) -> None:
+        """Sees that texels have a place on the device; those that are there move with it."""
+        before_d = self._texels_d
+        if before_d is None or len(before_d) < count:
+            self._texels_d = self.device.empty((max(count, 1), 4), np.float32)
+            if self._count:
+                self.device.copy_rows(self._texels_d, before_d, self._count)
 
     def coordinates(self, name: str) -> int:
         """Returns the number of a set of texture coordinates."""
@@ -76,11 +101,15 @@ class TexturePool:
         size = len(self.images) * 1000 + len(self.sets)
         if self._uploaded is None or self._uploaded[0] != size:
             up = self.device.upload
-            texels = np.concatenate(self.texels) if self.texels else np.zeros((1, 4), np.float32)
+            self._make_room(1)
             uvs = [self.scene.corner_uvs(name) for name in self.sets] or [np.zeros((1, 3, 2), np.float32)]
             shapes = np.array(self.shapes or [(0, 1, 1)], np.int32)
-            self._uploaded = (size, up(shapes), up(texels), up(np.stack(uvs)))
+            self._uploaded = (size, up(shapes), self._texels_d, up(np.stack(uvs)))
         return self._uploaded[1:]
+
+
+def _is_one_image(texture: Texture) -> bool:
+    return bool(texture.path) and not texture.tiles and "<UDIM>" not in texture.path
 
 
 @dataclass(frozen=True)
@@ -100,6 +129,7 @@ class MaterialTable:
     @staticmethod
     def of(pool: TexturePool, materials: Sequence[Material]) -> MaterialTable:
         """Uploads materials; a scene of another reflectance shares the pool."""
+        pool.reserve(materials)
         rows = np.zeros((max(len(materials), 1), r.MAT), np.float32)
         refs: list[NDArray] = []
         on_host = np.zeros(len(materials), bool)
