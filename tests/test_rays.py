@@ -7,7 +7,8 @@ import pytest
 from kit.scene_pictures import matte
 from kit.scene_records import make_mesh, make_scene, sphere
 
-from usdslf.rays import BLOCK, RayTracer
+from usdslf.embree import BLOCK
+from usdslf.rays import RayTracer
 from usdslf.scene.records import constant
 
 

@@ -1,9 +1,8 @@
 """Rays against all triangles of a scene, traced by Embree on all processors.
 
-This is the only module that imports embreex.  Facts about `EmbreeScene.run` that it relies on: the
-first run builds the tree; it releases the GIL; `dists` limits the distance (and is overwritten); an
-OCCLUDED query returns 0 where something is in the way and -1 where not, and is to be asked without
-`output`; barycentric (u, v) means (1 - u - v) P0 + u P1 + v P2.
+Facts about `EmbreeScene.run` that it relies on: it releases the GIL; `dists` limits the distance (and is
+overwritten); an OCCLUDED query returns 0 where something is in the way and -1 where not, and is to be
+asked without `output`; barycentric (u, v) means (1 - u - v) P0 + u P1 + v P2.
 """
 
 from __future__ import annotations
@@ -16,11 +15,10 @@ from typing import Any
 from weakref import finalize
 
 import numpy as np
-from embreex.mesh_construction import TriangleMesh
-from embreex.rtcore_scene import EmbreeScene
 from numpy.typing import NDArray
 
-from usdslf.progress import in_blocks, tell
+from usdslf.embree import build_tree
+from usdslf.progress import tell
 from usdslf.scene.records import F32, I32, Scene
 from usdslf.surfaces.surface_points import evaluate_opacity
 from usdslf.threads import Work, map_ahead, thread_count
@@ -29,7 +27,6 @@ LEAST_COSINE = 0.005  # rays that a shading normal sends below the surface leave
 FAR = np.float32(1e37)  # Embree's "no limit"
 CHUNK = 16384  # rays of one run: their records stay in the second-level cache
 FEWEST = 2048  # rays of one run, where several threads share what is less than CHUNK
-BLOCK = 256  # triangles that are handed to Embree in one call, which holds the GIL for less than 1 ms
 MAX_LAYERS = 32  # see-through surfaces that a ray may pass
 ULPS = 16.0  # offset of ray origins, in units of the last place of the coordinates
 MOST = 0.88  # share of rows that are rays, above which the others are traced with them
@@ -76,11 +73,9 @@ class RayTracer:
         # (T,) largest coordinate of each triangle, which bounds the rounding of points on it
         self.extent: F32 = np.abs(corners).max((1, 2)) if len(corners) else np.zeros(0, np.float32)
         self._usual_extent = float(np.quantile(self.extent, 0.99)) if len(corners) else 0.0
-        self._embree = EmbreeScene()
-        starts = [block.start for block in _hand_over(self._embree, corners)]
+        self._embree, starts = build_tree(corners)
         # (meshes + 1,) first triangle of each of Embree's meshes; the last, -1, is that of rays that met none
         self._first = np.array([*starts, 0], np.int32)
-        self._embree.run(np.zeros((1, 3), np.float32), np.ones((1, 3), np.float32))
         self._pool = ThreadPoolExecutor(self.threads, thread_name_prefix="usdslf-rays")
         finalize(self, self._pool.shutdown, wait=False)
 
@@ -285,13 +280,6 @@ class RayTracer:
 
     def _material_opacity(self, triangle: I32, barycentric: F32) -> F32:
         return evaluate_opacity(self.scene, triangle, barycentric)[0]
-
-
-def _hand_over(embree: EmbreeScene, corners: F32) -> Iterator[slice]:
-    """Makes Embree's meshes of triangles (T, 3, 3), yields the rows of each, and tells after it."""
-    for rows in in_blocks(len(corners), BLOCK):
-        TriangleMesh(embree, corners[rows])  # of corners, not of points: it holds the GIL, for less long that way
-        yield rows
 
 
 def _there(length: F32, rows: slice) -> Any:

@@ -48,6 +48,7 @@ def test_doctor_names_versions_devices_colour_hydra_and_limits(run: Run) -> None
     assert code == 0
     for word in ("usd-core", "embreex", "pyopencl", "device 0", "GiB", "OpenColorIO", "hydra", "limits"):
         assert word in out
+    assert "built while the rest of Python goes on" in out
 
 
 def test_render_live_writes_what_a_viewer_shows(shot: Path, tmp_path: Path, run: Run) -> None:

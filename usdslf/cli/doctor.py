@@ -43,6 +43,7 @@ def diagnose(device: str | None = None, ocio: str | None = None) -> Iterator[Row
     for package in PACKAGES:
         yield "versions", package, _version(package)
     yield from _opencl(device, failed)
+    yield "rays", "Embree's tree", _tree()
     yield from _color(ocio, failed)
     hydra = find_pxr()
     yield "hydra", "viewport", ("present: " if hydra.has_imaging else "not present: ") + hydra.sentence
@@ -75,6 +76,12 @@ def _opencl(name: str | None, failed: list[UsdslfError]) -> Iterator[Row]:
     largest = min(device.largest_array // (12 * D), device.memory // (40 * D))
     yield "limits", "largest array", f"{device.largest_array / 2**30:.1f} GiB"
     yield "limits", "elements", f"at most {largest} with {D} directions each"
+
+
+def _tree() -> str:
+    from usdslf.embree import how_built
+
+    return how_built()
 
 
 def _chooser(name: str | None) -> str:
