@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from usdslf.cache import ABANDONED, TRIMMED, Cache, address
+from usdslf.cache import ABANDONED, SUFFIX, TRIMMED, Cache, address
 
 KIB = 1024
 
@@ -68,7 +68,7 @@ def test_the_least_recently_used_go_when_all_is_too_large(tmp_path: Path) -> Non
     cache = Cache(tmp_path, limit=5 * each)
     for i in range(5):
         cache.arrays(f"e{i}", lambda i=i: block(i))  # type: ignore[misc]
-        os.utime(tmp_path / f"e{i}.npz", (1000 + i, 1000 + i))
+        os.utime(tmp_path / f"e{i}{SUFFIX}", (1000 + i, 1000 + i))
     cache.arrays("e0", unexpected)  # used now
     cache.arrays("e5", lambda: block(5))
     left = {e.path.stem for e in cache.entries()}
@@ -78,7 +78,7 @@ def test_the_least_recently_used_go_when_all_is_too_large(tmp_path: Path) -> Non
 
 
 def test_what_a_killed_run_left_goes_after_a_while(tmp_path: Path) -> None:
-    old, new = tmp_path / ".old.npz", tmp_path / ".new.npz"
+    old, new = tmp_path / f".old{SUFFIX}", tmp_path / f".new{SUFFIX}"
     for file in (old, new):
         file.write_bytes(b"half")
     os.utime(old, (0, os.path.getmtime(new) - ABANDONED - 60))

@@ -2,21 +2,26 @@
 
 from __future__ import annotations
 
+import gc
 import logging
 import os
+import weakref
 from collections.abc import Callable
 from dataclasses import fields
+from importlib import import_module
 from pathlib import Path
 from typing import Any
+from unittest.mock import ANY
 
 import numpy as np
 import pytest
 from kit.stage_parts import StageBuilder, TextureInput, write_image
 
 import usdslf
-from usdslf import cache, shot
+from usdslf import cache, shot, shot_light
 from usdslf.elements.lookup import ElementLookup
 from usdslf.light_field.light_field import LightField
+from usdslf.render.live.sums import Sums
 from usdslf.scene.fingerprint import digest
 
 ALL = ["elements", "lookup", "visibility", "light", "field"]
@@ -24,7 +29,9 @@ ALL = ["elements", "lookup", "visibility", "light", "field"]
 
 @pytest.fixture(autouse=True)
 def used(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """An empty cache folder of the user, which is used."""
+    """An empty cache folder of the user, which is used; OpenCL, which asks for it once, keeps its own."""
+    import_module("pyopencl.invoker")
+    monkeypatch.setenv("POCL_CACHE_DIR", str(cache.cache_folder().parent / "pocl" / "kcache"))
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     monkeypatch.setenv(cache.SWITCH, "all")
 
@@ -41,8 +48,11 @@ def computed(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
         return call
 
-    homes = ((shot, "sample_elements"), (ElementLookup, "_fill"), (shot, "trace_visibility"), (shot, "static_light"))
-    for name, (home, function) in zip(ALL, (*homes, (LightField, "converge")), strict=True):
+    homes = (
+        (shot, "sample_elements"), (ElementLookup, "_fill"), (shot_light, "trace_visibility"),
+        (shot_light, "static_light"), (LightField, "converge"),
+    )  # fmt: skip
+    for name, (home, function) in zip(ALL, homes, strict=True):
         monkeypatch.setattr(home, function, noted(name, getattr(home, function)))
     return found
 
@@ -135,6 +145,80 @@ def test_a_damaged_entry_is_computed_again_and_said(
     assert computed == ["visibility"]
     assert [r.message for r in caplog.records if "is damaged" in r.message]
     np.testing.assert_array_equal(after["hit"], before["hit"])
+
+
+def picture_of(shot: usdslf.Shot) -> bytes:
+    *_, frame = usdslf.live_picture(shot, size=(32, 18)).frames(2)
+    return frame.picture.tobytes()
+
+
+@pytest.fixture
+def summed(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Notes when a light field is summed up for pictures."""
+    found: list[str] = []
+    plain = Sums.of
+
+    def noted(*args: Any) -> Sums:
+        found.append("sums")
+        return plain(*args)
+
+    monkeypatch.setattr(Sums, "of", staticmethod(noted))
+    return found
+
+
+@pytest.mark.parametrize("damaged", ["", "field", "sums"])
+def test_pictures_are_the_same_whatever_is_kept(
+    damaged: str, tmp_path: Path, computed: list[str], summed: list[str], caplog: pytest.LogCaptureFixture
+) -> None:
+    path = write_stage(tmp_path / "a")
+    open_ = lambda: usdslf.open(str(path), elements=50).shot  # noqa: E731
+    with cache.switched("off"):
+        off = picture_of(open_())
+    cold = picture_of(open_())
+    computed.clear()
+    summed.clear()
+    for file in cache.cache_folder().glob(f"{damaged}-*" if damaged else "none"):
+        content = bytearray(file.read_bytes())
+        content[-5] ^= 1
+        file.write_bytes(content)
+    with caplog.at_level(logging.WARNING):
+        warm = picture_of(open_())
+    assert off == cold == warm
+    assert [r.message for r in caplog.records if "is damaged" in r.message] == [ANY] * bool(damaged)
+    assert (computed, summed) == (["field"] * (damaged == "field"), ["sums"] * (damaged == "sums"))
+
+
+def test_a_first_picture_reads_nothing_of_what_bounces_need(tmp_path: Path, computed: list[str]) -> None:
+    """Links and fixed light come when a bounce asks; where they are no more there, they are made."""
+    path = write_stage(tmp_path / "a")
+    cold = usdslf.open(str(path), elements=50).shot
+    first, changes = picture_of(cold), [cold.light_field.bounce() for _ in range(2)]
+    for kind in ("light", "visibility"):
+        for file in cache.cache_folder().glob(f"{kind}-*"):
+            file.unlink()
+    computed.clear()
+    warm = usdslf.open(str(path), elements=50).shot
+    assert picture_of(warm) == first and computed == []
+    assert [warm.light_field.bounce() for _ in range(2)] == changes
+    assert computed == ["visibility", "light"]
+    assert warm.visibility.hit.tobytes() == cold.visibility.hit.tobytes()
+    assert computed == ["visibility", "light"]
+
+
+def test_a_shot_goes_when_nobody_holds_it(tmp_path: Path) -> None:
+    """Its light field, which may still ask for links, does not hold it."""
+    path = write_stage(tmp_path / "a")
+    for _ in range(2):  # cold, then warm
+        shot = usdslf.open(str(path), elements=50).shot
+        picture_of(shot)
+        gone = weakref.ref(shot)
+        gc.collect()
+        gc.disable()
+        try:
+            del shot
+            assert gone() is None
+        finally:
+            gc.enable()
 
 
 def test_a_look_does_not_take_what_is_kept_of_the_shot(tmp_path: Path) -> None:

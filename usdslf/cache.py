@@ -20,25 +20,22 @@ import logging
 import os
 import tempfile
 import time
-import zipfile
-import zlib
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
-import numpy as np
 from numpy.typing import NDArray
 from platformdirs import user_cache_dir
 
+from usdslf.array_file import Room, new_room, read_arrays, write_arrays
 from usdslf.errors import InputError
 
 LIMIT = 4 << 30  # bytes of all entries; a shot of 10000 elements is 0.07 of it, the weights of both models 0.01
 SWITCH = "USDSLF_CACHE"  # environment variable: all (default) | weights: nothing of shots | off
 TRIMMED = 0.9  # of the limit is left when something had to go
 ABANDONED = 3600.0  # seconds after which a file that was never renamed is nobody's any more
-SUFFIX = ".npz"
-_FORMAT = 1  # raise it when entries are stored otherwise
+SUFFIX = ".arrays"
+_FORMAT = 2  # raise it when entries are stored otherwise
 _log = logging.getLogger(__name__)
 _said: set[Path] = set()  # damaged entries that were spoken of
 
@@ -67,17 +64,25 @@ def cache_folder() -> Path:
     return Path(user_cache_dir("usdslf", appauthor=False))
 
 
-def arrays(name: str, compute: Callable[[], Arrays], of_shot: bool = False) -> dict[str, NDArray]:
+def arrays(
+    name: str, compute: Callable[[], Arrays], of_shot: bool = False, room: Room = new_room
+) -> dict[str, NDArray]:  # fmt: skip
     """Returns the arrays of an entry of the user's cache, computed where it has none.
 
     Args:
         name: of `address`.
-        compute: gives the arrays by name, without object arrays.
+        compute: gives the arrays by name, of numbers.
         of_shot: it serves one shot, and is large.
+        room: memory that arrays which are there are read to.
     """
     if not keeps(of_shot):
         return dict(compute())
-    return Cache(cache_folder()).arrays(name, compute)
+    return Cache(cache_folder()).arrays(name, compute, room)
+
+
+def has(name: str) -> bool:
+    """Tells whether the user's cache has an entry, be it whole or not."""
+    return (cache_folder() / (name + SUFFIX)).exists()
 
 
 def keeps(of_shot: bool) -> bool:
@@ -124,10 +129,14 @@ class Cache:
     folder: Path
     limit: int = LIMIT  # bytes
 
-    def arrays(self, name: str, compute: Callable[[], Arrays]) -> dict[str, NDArray]:
-        """Returns the arrays of an entry, computed and kept where there is none, or none that is whole."""
+    def arrays(self, name: str, compute: Callable[[], Arrays], room: Room = new_room) -> dict[str, NDArray]:
+        """Returns the arrays of an entry, computed and kept where there is none, or none that is whole.
+
+        Args:
+            name, compute, room: as of `arrays`.
+        """
         file = self.folder / (name + SUFFIX)
-        found = _read(file)
+        found = _read(file, room)
         if found is None:
             found = dict(compute())
             self._keep(file, found)
@@ -160,7 +169,7 @@ class Cache:
             self.folder.mkdir(parents=True, exist_ok=True)
             with tempfile.NamedTemporaryFile(dir=self.folder, prefix=".", suffix=SUFFIX, delete=False) as out:
                 temporary = Path(out.name)
-                np.savez(out, **dict[str, Any](found))
+                write_arrays(out, found)
             os.replace(temporary, file)
             temporary = None
             self._trim()
@@ -192,14 +201,13 @@ def _remove(entry: Entry) -> bool:
     return True
 
 
-def _read(file: Path) -> dict[str, NDArray] | None:
+def _read(file: Path, room: Room) -> dict[str, NDArray] | None:
     """The arrays of an entry, which is marked as used; None where there is none that is whole."""
     try:
-        with file.open("rb") as stream, np.load(stream) as z:
-            found = {name: z[name] for name in z.files}
+        found = read_arrays(file, room)
     except OSError:
         return None
-    except (ValueError, TypeError, KeyError, EOFError, zipfile.BadZipFile, zlib.error, NotImplementedError) as error:
+    except ValueError as error:
         if file not in _said:
             _said.add(file)
             _log.warning("the cache entry %s is damaged (%s); it is made anew", file, error)

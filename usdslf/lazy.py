@@ -1,7 +1,12 @@
-"""Lazy: a value that is made once, at first use, by one thread; others wait."""
+"""A value that is made once, at first use, by one thread; others wait.
+
+    Lazy      of an object, as a method that makes it
+    Later     by itself, which may never be asked for
+"""
 
 from __future__ import annotations
 
+import threading
 from collections.abc import Callable
 from typing import Any, Generic, TypeVar, overload
 
@@ -33,3 +38,30 @@ class Lazy(Generic[Value]):
             return value
         finally:
             lock.release()
+
+
+class Later(Generic[Value]):
+    """Such a value by itself; what it is made of is let go when it is made."""
+
+    def __init__(self, make: Callable[[], Value]) -> None:
+        self._make: Callable[[], Value] | None = make
+        self._made: list[Value] = []
+        self._lock = threading.Lock()
+
+    @staticmethod
+    def of(value: Value) -> Later[Value]:
+        """Returns one that is made already."""
+        found = Later(lambda: value)
+        found()
+        return found
+
+    def __call__(self) -> Value:
+        """Returns the value."""
+        wait_for(self._lock)
+        try:
+            if self._make is not None:
+                self._made.append(self._make())
+                self._make = None
+            return self._made[0]
+        finally:
+            self._lock.release()

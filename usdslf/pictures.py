@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from usdslf.progress import step, tell, tell_during
 from usdslf.render.live.ahead import built_ahead
 from usdslf.render.live.picture import LivePicture
-from usdslf.render.picture import LitScene, PictureOptions, render_bands
+from usdslf.render.picture import PictureOptions, render_bands
 from usdslf.scene.records import Camera
 from usdslf.shot import Shot
 
@@ -48,8 +48,7 @@ def render_shot(
     if look is not None:
         shot = shot.edited(_path_of(look))
     view = camera if isinstance(camera, Camera) else shot.camera(camera)
-    field, lights = shot.light_field, shot.lights
-    lit = LitScene(shot.scene, shot.tracer, field, lights, shot.device)
+    lit = shot.lit
     asked = PictureOptions(samples, shot.element_count, **options)
 
     def render() -> dict[str, NDArray[np.float32]]:
@@ -83,7 +82,7 @@ def live_picture(
         shot = shot.edited(_path_of(look))
     with built_ahead(shot.device_name, shot.model):
         view = camera if isinstance(camera, Camera) else shot.camera(camera)
-        lit, lights = LitScene(shot.scene, shot.tracer, shot.light_field, shot.lights, shot.device), shot.light_set
+        lit, lights = shot.lit, shot.light_set
     with step("render", shot.seconds):
         return tell_during(lambda: LivePicture.of(lit, lights, view, size, hide_lights, region))
 

@@ -26,20 +26,20 @@ from usdslf.errors import InputError
 from usdslf.gpu.device import Device, open_device
 from usdslf.lazy import Lazy
 from usdslf.light_field.light_field import LightField
-from usdslf.light_field.renewal import renew
-from usdslf.light_field.static_light import static_light
-from usdslf.light_field.storage import check_memory, storage_within
-from usdslf.light_field.visibility import Visibility, trace_visibility
+from usdslf.light_field.storage import USUAL, check_memory, storage_within
+from usdslf.light_field.visibility import Visibility
 from usdslf.lights.defaults import lights_or_default
 from usdslf.lights.missing_dome import MISSING_DOME, with_missing_domes
 from usdslf.lights.sources import LightSet
 from usdslf.progress import step, tell_during
 from usdslf.rays import RayTracer
 from usdslf.render.overview_camera import overview_camera
+from usdslf.render.settings import LitScene
 from usdslf.scene.cameras import camera_of
 from usdslf.scene.difference import Afresh, is_same_but_for_reflectance, why_not_comparable
 from usdslf.scene.records import Camera, Light, Material, Scene
 from usdslf.shot_cache import ShotCache
+from usdslf.shot_light import Arriving, Recipe
 from usdslf.surfaces.reflectance import model_of
 from usdslf.usd.border import quiet_usd
 from usdslf.usd.edited import open_edited
@@ -218,12 +218,17 @@ class Shot:
             )
 
     @Lazy
+    def arriving(self) -> Arriving:
+        """What light arrives by, when it is asked for."""
+        places, known = (self.elements, self.lookup, self.tracer), vars(self).get("visibility")
+        return Arriving.of(places, self.lights, self.device, self.kept, known)
+
+    @Lazy
     def visibility(self) -> Visibility:
         """What each element sees in each direction."""
-        lookup, device, elements, tracer = self.lookup, self.device, self.elements, self.tracer
-        kept, compute = self.kept, lambda: trace_visibility(elements, lookup, tracer, device)
+        later = self.arriving.visibility
         with step("visibility", self.seconds):
-            return tell_during(lambda: kept.visibility(elements, compute) if kept else compute())
+            return tell_during(later)
 
     @Lazy
     def dark_probes(self) -> DarkProbes:
@@ -235,39 +240,36 @@ class Shot:
     @Lazy
     def fixed_light(self) -> NDArray[np.float32]:
         """Light (N, D, 3) that no edit changes."""
-        visibility, lights, elements, tracer = self.visibility, self.lights, self.elements, self.tracer
-        kept, compute = self.kept, lambda: static_light(elements, tracer, lights, visibility).diffuse
+        later, _ = self.arriving.fixed, self.visibility
         with step("light", self.seconds):
-            return tell_during(lambda: kept.fixed_light(elements, compute) if kept else compute())
+            return tell_during(later)
+
+    @Lazy
+    def recipe(self) -> Recipe:
+        """What its light field is made of."""
+        storage = USUAL
+        if self.memory is not None:
+            storage = storage_within(self.memory, self.fixed_light, self.elements.emission)
+        self.warn(*filter(None, [storage.in_words]))
+        return Recipe(self.device, self.elements, self.lookup, self.arriving, self.model, storage, self.bounces)
 
     @Lazy
     def light_field(self) -> LightField:
         """The surface light field of the shot as it is; others start from it (`LightField.with_surface`)."""
-        fixed, elements, kept = self.fixed_light, self.elements, self.kept
-        links, model, bounces = (self.device, elements, self.lookup, self.visibility), self.model, self.bounces
-        storage = storage_within(self.memory, fixed, elements.emission)
-        self.warn(*filter(None, [storage.in_words]))
-
-        def make() -> LightField:
-            if self.start and self.start[0].lookup is links[2]:  # of the same elements: it follows what is other
-                found = self.start[0].with_elements(elements)
-                renew(found, bounces)
-                return found
-            found = LightField(*links, fixed, model, storage)
-            light = lambda: found.settle(bounces).radiance()  # noqa: E731
-            if self.start:
-                found.start_from(self.start[0])
-            if kept:
-                found.set_radiance(kept.radiance(elements, model, bounces, np.dtype(storage.dtype).name, light))
-            else:
-                found.settle(bounces)
-            found.rest()
-            return found
-
+        recipe, kept, start = self.recipe, self.kept, next(iter(self.start), None)
+        if not kept or not kept.has_radiance(recipe.elements, recipe.kind):
+            self.fixed_light  # noqa: B018  # with its steps
         with step("light field", self.seconds):
-            made = tell_during(make)
+            made = tell_during(lambda: recipe.made(kept, start))
         self.start.clear()
         return made
+
+    @Lazy
+    def lit(self) -> LitScene:
+        """What pictures of it as it is are made of."""
+        field, kept, recipe = self.light_field, self.kept, self.recipe
+        keep = (lambda compute: kept.sums(recipe.elements, recipe.kind, compute)) if kept else None
+        return LitScene(self.scene, self.tracer, field, self.lights, self.device, keep)
 
     @Lazy
     def pictured(self) -> Pictured:
@@ -349,9 +351,8 @@ class Shot:
             own = self.elements
             fresh = tell_during(lambda: refresh_reflectance(own, before, after))
         other._take(
-            elements=fresh, lookup=self.lookup, visibility=self.visibility, fixed_light=self.fixed_light,
-            lights=self.lights,
-        )  # fmt: skip
+            elements=fresh, lookup=self.lookup, arriving=self.arriving, lights=self.lights
+        )
         if follows:
             other.start.append(self.light_field)
         return other

@@ -1,6 +1,6 @@
 """Shot cache: the slow parts of a Shot, kept in the user's cache folder, so that a second start is quick.
 
-    ShotCache(scene, lights, device, count) .elements(compute) .lookup .visibility .fixed_light .radiance
+    ShotCache(scene, lights, device, count) .elements(compute) .lookup .visibility .fixed_light .radiance .sums
 
 Each part is named by all that it is computed from: by values and never by a file's name or time, by the text of this
 program's modules and kernels, by the versions of the libraries beneath, and where the device computes it by the device.
@@ -11,15 +11,18 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields
+from contextlib import ExitStack
+from dataclasses import dataclass, field, fields
 from functools import cached_property, lru_cache
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from usdslf import cache
+from usdslf.array_file import Room, new_room
 from usdslf.color import color_of
 from usdslf.elements.elements import Elements
 from usdslf.elements.lookup import ElementLookup
@@ -31,11 +34,26 @@ from usdslf.scene.fingerprint import appearance_of, digest, geometry_of
 from usdslf.scene.records import Light, Scene
 from usdslf.textures.files import file_of, stamp_of
 
-VERSION = 1  # raise it when entries hold something else
-KINDS = ("elements", "lookup", "visibility", "light", "field", "near")  # of entries of shots, a word each
+VERSION = 2  # raise it when entries hold something else
+KINDS = ("elements", "lookup", "visibility", "light", "field", "sums", "near")  # of entries of shots, a word each
 BENEATH = ("numpy", "scipy", "embreex", "pyopencl")
 
 Arrays = Mapping[str, NDArray]
+
+
+@dataclass(frozen=True)
+class Kind:
+    """Of a light field.
+
+    Attributes:
+        model: of reflectance.
+        bounces: at most.
+        stored: name of the dtype of its light on the device.
+    """
+
+    model: str
+    bounces: int
+    stored: str
 
 
 @dataclass(frozen=True)
@@ -53,6 +71,7 @@ class ShotCache:
     lights: tuple[Light, ...]
     device: Device
     count: int
+    _names: dict[str, Any] = field(default_factory=dict, repr=False)
 
     def elements(self, compute: Callable[[], Elements]) -> Elements:
         """Returns the elements of the shot."""
@@ -85,22 +104,58 @@ class ShotCache:
         parts = (self._appearance, self._laid(elements), self._device)
         return self._kept("light", lambda: {"light": compute()}, *parts)["light"]
 
-    def radiance(
-        self, elements: Elements, model: str, bounces: int, stored: str, compute: Callable[[], NDArray]
-    ) -> NDArray[np.float32]:
-        """Returns the outgoing radiance (N, D, 3) of a light field after its bounces from the dark."""
-        parts = (self._appearance, digest(elements, contents), self._device, model, bounces, stored)
-        return self._kept("field", lambda: {"radiance": compute()}, *parts)["radiance"]
+    def radiance(self, elements: Elements, kind: Kind, compute: Callable[[], NDArray]) -> Any:
+        """Returns the outgoing radiance (N, D, 3) of a light field after its bounces from the dark, on the device.
 
-    def _kept(self, kind: str, compute: Callable[[], Arrays], *parts: str | int) -> dict[str, NDArray]:
+        Args:
+            elements, kind: whose it is.
+            compute: gives it as the light field stores it.
+
+        Returns: None where it was computed now, so that the light field has it.
+        """
+        read: list[Any] = []
+        was_computed = []
+
+        def computed() -> Arrays:
+            was_computed.append(True)
+            return {"radiance": compute()}
+
+        with ExitStack() as written:
+
+            def room(_: str, shape: tuple[int, ...], dtype: np.dtype[Any]) -> NDArray[Any]:
+                read.append(self.device.empty(shape, dtype))
+                return written.enter_context(self.device.written(read[0]))
+
+            self._kept("field", computed, *self._sent(elements, kind), room=room)
+        return None if was_computed else read[0]
+
+    def has_radiance(self, elements: Elements, kind: Kind) -> bool:
+        """Tells whether that was kept, be it whole or not."""
+        return cache.has(self._name("field", *self._sent(elements, kind)))
+
+    def sums(self, elements: Elements, kind: Kind, compute: Callable[[], Arrays]) -> Arrays:
+        """Returns what that radiance is summed up to for pictures."""
+        return self._kept("sums", compute, *self._sent(elements, kind))
+
+    def _sent(self, elements: Elements, kind: Kind) -> tuple[str | int, ...]:
+        """Names the light that elements send out."""
+        whole = self._once("whole", elements, lambda: elements)
+        return self._appearance, whole, self._device, kind.model, kind.bounces, kind.stored
+
+    def _kept(
+        self, kind: str, compute: Callable[[], Arrays], *parts: str | int, room: Room = new_room
+    ) -> dict[str, NDArray]:  # fmt: skip
+        return cache.arrays(self._name(kind, *parts), compute, True, room)
+
+    def _name(self, kind: str, *parts: str | int) -> str:
         assert kind in KINDS
-        return cache.arrays(cache.address(kind, VERSION, program_code(), *parts), compute, of_shot=True)
+        return cache.address(kind, VERSION, program_code(), *parts)
 
     @cached_property
     def _appearance(self) -> str:
         """Names all that light depends on."""
         color = color_of(self.scene.ocio or None, self.scene.working_space)
-        return digest((appearance_of(self.scene), self.lights, color.cache_id), contents)
+        return digest((self._geometry, appearance_of(self.scene), self.lights, color.cache_id), contents)
 
     @cached_property
     def _geometry(self) -> str:
@@ -113,7 +168,17 @@ class ShotCache:
     def _laid(self, elements: Elements) -> str:
         """Names what rays of the elements meet."""
         names = ("position", "geometric_normal", "normal", "frame", "area", "triangle", "barycentric", "part", "side")
-        return digest([self._geometry, elements.part_of_triangle, *(getattr(elements, n) for n in names)], contents)
+        values = lambda: [getattr(elements, n) for n in ("part_of_triangle", *names)]  # noqa: E731
+        return self._once("laid", elements, lambda: [self._geometry, *values()])
+
+    def _once(self, what: str, elements: Elements, values: Callable[[], Any]) -> str:
+        """Names something of elements, whose values are read once."""
+        if self._names.get("of") is not elements:
+            self._names.clear()
+            self._names["of"] = elements
+        if what not in self._names:
+            self._names[what] = digest(values(), contents)
+        return str(self._names[what])
 
 
 def _arrays_of(elements: Elements) -> Arrays:

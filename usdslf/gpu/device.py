@@ -5,6 +5,8 @@ from __future__ import annotations
 import os
 import threading
 import warnings
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
@@ -139,6 +141,22 @@ class Device:
             ask_for_large_pages(pages.ctypes.data, array_d.nbytes)
             pages.base.release(self._mapping)
         return array_d
+
+    @contextmanager
+    def written(self, array_d: Any) -> Iterator[NDArray[Any]]:
+        """Gives the host memory to write all of a new array of the device to: the array's own where it can be."""
+        self.moved += array_d.nbytes
+        if not self.has_host_memory:
+            host = np.empty(array_d.shape, array_d.dtype)
+            yield host
+            cl.enqueue_copy(self.queue, array_d.base_data, host)
+            return
+        how = cl.map_flags.WRITE_INVALIDATE_REGION
+        pages, _ = cl.enqueue_map_buffer(self._mapping, array_d.base_data, how, 0, array_d.shape, array_d.dtype)
+        try:
+            yield pages
+        finally:
+            pages.base.release(self._mapping).wait()
 
     def clear(self, array_d: Any) -> None:
         """Fills an array of the device with zeros; safe on several threads, as an array's own `fill` is not."""

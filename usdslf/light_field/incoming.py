@@ -2,46 +2,51 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from usdslf.gpu.device import Device
+from usdslf.lazy import Later
 from usdslf.light_field.blocks import Chunk
 from usdslf.light_field.storage import Storage
 
 
 class Incoming:
-    """Links (N, D) and fixed light (N, D, 3) of the elements; they never change."""
+    """Links (N, D) and fixed light (N, D, 3) of the elements; they never change, and are taken when asked for."""
 
-    def __init__(self, device: Device, hit: NDArray, fixed: NDArray, storage: Storage) -> None:
-        """Uploads them, or keeps them where they are."""
+    def __init__(
+        self, device: Device, hit: Callable[[], NDArray], fixed: Callable[[], NDArray], storage: Storage
+    ) -> None:  # fmt: skip
+        """Remembers where they come from.
+
+        Args:
+            hit, fixed: give the host's, which are copied to the device unless they are streamed.
+        """
         self._device, self._storage = device, storage
-        self._hit, self._fixed = np.asarray(hit, np.uint32), np.asarray(fixed, np.float32)
-        self._resident: tuple[Any, Any] | None = None
-        if not storage.is_streamed:
-            self._resident = self._uploaded(slice(None))
-            del self._hit, self._fixed  # the host's are whose they were
+        self._hit = Later(lambda: np.asarray(hit(), np.uint32))
+        self._fixed = Later(lambda: np.asarray(fixed(), np.float32))
+        self._hit_d: Later[Any] = Later(lambda: device.upload(np.asarray(hit(), np.uint32)))
+        self._fixed_d: Later[Any] = Later(lambda: self._upload_light(np.asarray(fixed(), np.float32)))
 
-    def _uploaded(self, rows: slice | NDArray) -> tuple[Any, Any]:
-        hit, fixed = self._hit[rows], self._fixed[rows]
-        return self._device.upload(hit), self._device.upload(fixed.astype(self._storage.dtype, copy=False))
+    def _upload_light(self, light: NDArray) -> Any:
+        return self._device.upload(light.astype(self._storage.dtype, copy=False))
 
     @property
     def hit_d(self) -> Any:
         """Links of all elements."""
-        return self._resident[0] if self._resident else self._device.upload(self._hit)
+        return self._device.upload(self._hit()) if self._storage.is_streamed else self._hit_d()
 
     @property
     def fixed_d(self) -> Any:
         """Fixed light of all elements."""
-        if self._resident:
-            return self._resident[1]
-        return self._device.upload(self._fixed.astype(self._storage.dtype, copy=False))
+        return self._upload_light(self._fixed()) if self._storage.is_streamed else self._fixed_d()
 
     def of_chunk(self, chunk: Chunk) -> tuple[Any, Any, bool]:
         """Returns links and fixed light for a chunk of blocks; whether they are of its lanes, not of all elements."""
-        if self._resident:
-            return *self._resident, False
-        return *self._uploaded(np.maximum(chunk.order, 0)), True
+        if not self._storage.is_streamed:
+            return self._hit_d(), self._fixed_d(), False
+        rows = np.maximum(chunk.order, 0)
+        return self._device.upload(self._hit()[rows]), self._upload_light(self._fixed()[rows]), True

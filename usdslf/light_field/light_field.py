@@ -9,7 +9,7 @@ Source: Nguyen et al. 2013, section 3 (rendering equation), 5.2, 6.2.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from copy import copy
 from dataclasses import dataclass, replace
@@ -23,6 +23,7 @@ from usdslf.elements.elements import Elements
 from usdslf.elements.lookup import DeviceLookup, ElementLookup
 from usdslf.gpu.device import Device, Kernel
 from usdslf.gpu.launch import GROUP, groups
+from usdslf.lazy import Later
 from usdslf.light_field.blocks import LANES, Blocks, Chunk, blocks_of_surface, blocks_of_weights
 from usdslf.light_field.incoming import Incoming
 from usdslf.light_field.links import follow_links, link_rays
@@ -70,12 +71,18 @@ class LightField:
         device: Device,
         elements: Elements,
         lookup: ElementLookup,
-        visibility: Visibility,
-        fixed: NDArray,
+        visibility: Visibility | Callable[[], Visibility],
+        fixed: NDArray | Callable[[], NDArray],
         model: str = "preview_surface",
         storage: Storage = USUAL,
+        radiance_d: Any = None,
     ) -> None:
-        """Uploads what stays: links, fixed light (N, D, 3), frames.
+        """Uploads what stays.
+
+        Args:
+            visibility, fixed: links and fixed light (N, D, 3), or what gives them when a bounce asks first.
+            model, storage: of reflectance; of light on the device.
+            radiance_d: of all bounces, as stored on the device; None: it starts in the dark.
 
         Raises: MemoryError_ where it does not fit the device.
         """
@@ -83,9 +90,11 @@ class LightField:
         self.device, self.elements, self.lookup, self.model = device, elements, lookup, model
         require_device(device, n, storage)
         self.storage = storage
-        self.incoming = Incoming(device, visibility.hit, fixed, storage)
+        links = visibility if callable(visibility) else Later.of(visibility)
+        light = fixed if callable(fixed) else Later.of(fixed)
+        self.incoming = Incoming(device, lambda: links().hit, light, storage)
         self.frames_d = device.upload(np.ascontiguousarray(elements.frame, np.float32))
-        self.outgoing_d = device.zeros((n, D, 3), storage.dtype)
+        self.outgoing_d = device.zeros((n, D, 3), storage.dtype) if radiance_d is None else radiance_d
         self._scratch_d: _Scratch | None = None
         z = bin_directions()[:, 2]
         self.cosine_d = device.upload((z / z.sum()).astype(np.float32))
@@ -95,7 +104,8 @@ class LightField:
         self._levels: dict[float, tuple[LevelKernel, dict[str, Any]]] = {}
         self.surface = Surface.of(elements)
         self._blocks: list[Blocks] | None = None  # of all elements, from the first bounce on
-        self.waits = np.full(n, CHANGED, np.float32)  # light that came since each element reflected: renewal.py
+        # light that came since each element reflected: renewal.py
+        self.waits = np.full(n, CHANGED if radiance_d is None else 0, np.float32)
         self.renewed: list[NDArray[np.int64]] | None = []  # elements that reflected anew, by renewal; None: all did
         self._spare: deque[tuple[LightField, Any]] = deque(maxlen=1)  # to be lent, and the radiance that it is of
         self.set_surface(self.surface)
@@ -155,11 +165,6 @@ class LightField:
             groups(n * D), (GROUP,), change_d, np.uint32(n * D), other.outgoing_d
         )
         return other
-
-    def set_radiance(self, radiance: NDArray) -> None:
-        """Takes an outgoing radiance (N, D, 3) that was found before, where it is another than that of now."""
-        self.outgoing_d = self.device.upload(np.ascontiguousarray(radiance, self.storage.dtype))
-        self.waits[:] = 0
 
     def radiance(self) -> NDArray[np.float32]:
         """Returns the outgoing radiance (N, D, 3) of now."""

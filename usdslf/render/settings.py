@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
+
+from numpy.typing import NDArray
 
 from usdslf.errors import InputError
 from usdslf.gpu.device import Device
@@ -39,6 +42,10 @@ class Quality:
         return Quality(antialias, max(1, samples // antialias**2))
 
 
+KeepSums = Callable[[Callable[[], Mapping[str, NDArray[Any]]]], Mapping[str, NDArray[Any]]]
+"""What computes arrays by name -> these, or those that were kept of an earlier run."""
+
+
 @dataclass(frozen=True)
 class LitScene:
     """A scene with all that lights it."""
@@ -48,6 +55,7 @@ class LitScene:
     light_field: LightField | None  # radiance of surfaces met by gathered rays; None: black unless they are followed
     lights: Sequence[Light]  # the scene's, or the default ones
     device: Device
+    keep_sums: KeepSums | None = None  # keeps what the light field, as it is, is summed up to
 
 
 @dataclass(frozen=True)

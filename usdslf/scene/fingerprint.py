@@ -1,7 +1,7 @@
 """Fingerprint: a name of records by all that they hold, so that what is computed from equal ones is found again.
 
     digest(values, of_file) -> str        the same for equal values, on any machine
-    geometry_of(scene), appearance_of(scene) -> what elements and rays, and what light and reflectance depend on
+    geometry_of(scene), appearance_of(scene) -> what elements and rays depend on, what light and reflectance do beside
 
 Files stand for their contents, wherever they lie and whenever they were written.
 """
@@ -53,16 +53,14 @@ def geometry_of(scene: Scene) -> tuple[Any, ...]:
 
 
 def appearance_of(scene: Scene) -> tuple[Any, ...]:
-    """Returns all of a scene that light depends on: `geometry_of` it, lights, materials and what they read."""
+    """Returns all of a scene that light depends on beside its geometry: lights, materials and what they read."""
     meshes = [(m.uvs, m.primvars, m.double_sided) for m in scene.meshes]
     materials = [
         {f.name: getattr(m, f.name) for f in fields(m) if f.name not in ("path", "shader", "why_not_editable")}
         for m in scene.materials
     ]
     lights = [{f.name: getattr(x, f.name) for f in fields(x) if f.name != "path"} for x in scene.lights]
-    return (
-        geometry_of(scene), meshes, materials, lights, scene.up_axis, scene.meters_per_unit, scene.working_space,
-    )  # fmt: skip
+    return meshes, materials, lights, scene.up_axis, scene.meters_per_unit, scene.working_space
 
 
 def _add(code: Any, value: Any, of_file: OfFile) -> None:

@@ -124,7 +124,7 @@ class LivePicture:
         assert lit.light_field is not None
         geometry = Geometry.of(lit.device, lit.scene, lit.tracer, lights, lit.light_field)
         materials = MaterialTable.of(geometry.pool, lit.scene.materials)
-        scene = LiveScene(geometry, materials, SentLight.of(geometry, lit.light_field))
+        scene = LiveScene(geometry, materials, SentLight.of(geometry, lit.light_field, None, lit.keep_sums))
         return LivePicture._start(scene, _Framed(camera, size, region), GatherRoom(geometry), hide_lights)
 
     @staticmethod

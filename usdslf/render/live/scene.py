@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from usdslf.color import luminance
 from usdslf.elements.lookup import DeviceLookup
 from usdslf.gpu.device import Device, Kernel
 from usdslf.gpu.launch import GROUP, groups
@@ -19,12 +18,12 @@ from usdslf.light_field.light_field import LightField
 from usdslf.light_field.storage import constants_of
 from usdslf.lights.sources import LightSet
 from usdslf.rays import RayTracer
-from usdslf.render.guide import LightGuide
 from usdslf.render.live import records as r
 from usdslf.render.live.host_surfaces import rows_by_host
 from usdslf.render.live.materials import MaterialTable, TexturePool
 from usdslf.render.live.sources import EACH, SourceTable
-from usdslf.render.settings import FOOTPRINT
+from usdslf.render.live.sums import Sums, usual_of
+from usdslf.render.settings import FOOTPRINT, KeepSums
 from usdslf.render.wide_field import mean_of_blocks
 from usdslf.scene.records import F32, Material, Scene
 from usdslf.surfaces.reflectance import directional_albedo, lobe_parameter, model_of
@@ -114,36 +113,34 @@ class SentLight:
         return 0 if self.field is None else len(self.field.elements)
 
     @staticmethod
-    def of(geometry: Geometry, field: LightField | None, footprint: float | None = None) -> SentLight:
-        """Sums a light field up, as it is now; without one surfaces are dark unless rays are followed."""
+    def of(
+        geometry: Geometry, field: LightField | None, footprint: float | None = None, keep: KeepSums | None = None
+    ) -> SentLight:  # fmt: skip
+        """Sums a light field up, as it is now; without one surfaces are dark unless rays are followed.
+
+        Args:
+            footprint: area that a ray's must cover to be answered by it; None: as usual.
+            keep: its sums between runs, as of `LitScene`.
+        """
         if field is None:
             dark = geometry.device.zeros((1, 3), np.float32)
             return SentLight(None, dark, dark, dark, dark, dark, 0.0, footprint or 0.0)
-        device, n = geometry.device, len(field.elements)
-        mean_d = mean_of_blocks(field)
-        guide = LightGuide.of(field, mean_d, geometry.lights)
-        soft_d = device.empty((n, 3), np.float32)
-        device.kernel("live_field", "soft_irradiance", **constants_of(field.outgoing_d))(
-            groups(n), (GROUP,), np.uint32(n), field.hit_d, field.outgoing_d, field.emission_d, field.cosine_d, soft_d
-        )
-        area = float(geometry.scene.triangles.areas.sum()) / n
+        sums = Sums.kept(field, geometry.lights, keep) if keep else Sums.of(field, geometry.lights)
+        area = float(geometry.scene.triangles.areas.sum()) / len(field.elements)
         outgoing_d = field.outgoing_d
         if constants_of(outgoing_d) != geometry.stored:  # a light field of an edit that is stored in another way
-            outgoing_d = device.upload(field.radiance().astype(np.float16 if geometry.stored else np.float32))
+            outgoing_d = geometry.device.upload(field.radiance().astype(np.float16 if geometry.stored else np.float32))
         return SentLight(
-            field, outgoing_d, mean_d, device.upload(guide.arriving), guide.cumulative_d, soft_d,
-            _luminance_of(geometry, mean_d), FOOTPRINT * area if footprint is None else footprint,
+            field, outgoing_d, sums.mean_d, sums.arriving_d, sums.guide_d, sums.soft_d, sums.usual,
+            FOOTPRINT * area if footprint is None else footprint,
         )  # fmt: skip
 
     @staticmethod
     def unguided(geometry: Geometry, field: LightField, footprint: float) -> SentLight:
         """Sums a light field up for rays that others draw."""
         mean_d, none = mean_of_blocks(field), geometry.device.zeros((1, 3), np.float32)
-        return SentLight(field, field.outgoing_d, mean_d, none, none, none, _luminance_of(geometry, mean_d), footprint)
-
-
-def _luminance_of(geometry: Geometry, mean_d: Any) -> float:
-    return float(luminance(geometry.device.download(mean_d).mean((0, 1))))
+        usual = usual_of(geometry.device, mean_d)
+        return SentLight(field, field.outgoing_d, mean_d, none, none, none, usual, footprint)
 
 
 @dataclass(frozen=True)

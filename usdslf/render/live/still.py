@@ -96,7 +96,7 @@ class StillPicture:
         self.camera, self.size, self.options, self.quality = camera, size, options, Quality.of(options.samples)
         a = self.quality.antialias
         self.samples = size[0] * a, size[1] * a
-        light = SentLight.of(geometry, field, options.footprint * area)
+        light = SentLight.of(geometry, field, options.footprint * area, lit.keep_sums)
         self.scene = LiveScene(geometry, MaterialTable.of(geometry.pool, lit.scene.materials), light)
         self._room, self._frames = GatherRoom(geometry), RAYS * self.quality.rays
         materials = lit.scene.materials
