@@ -36,19 +36,18 @@ from numpy.typing import NDArray
 from usdslf.edits.whole_set import Colored
 from usdslf.inference.bilinear import Tables
 from usdslf.inference.candidate import Candidate, is_grey
+from usdslf.inference.error_sizes import Sizes, likely_sizes, mostly_grey
 from usdslf.inference.fit import Problem, Way, fit, relative_residuals
 from usdslf.inference.residuals import mean_by_stroke, relative_scale
 from usdslf.inference.weights import Options
 from usdslf.inference.whitening import White, gaps_and_extents, inverse_root, white_of_axes
 from usdslf.scene.records import F64
 
-SIZES_ALIKE, SIZES_OWN = np.geomspace(1e-4, 4.0, 19), np.geomspace(1e-3, 4.0, 19)  # of a and b that are tried
-USUAL, SPREAD = (0.03, 0.03), 1.5  # middle and width (natural logarithm) of what a and b are where the dabs are few
+USUAL = (0.03, 0.03)  # middle of what a and b are where the dabs are few
 USUAL_OF_SWATCHES = (0.015, 0.06)  # the same where all dabs have one of few colours, which was mixed with care
-USUAL_OF_ONE = (0.03, 0.06)  # the same of one colour, which nothing can be held against
-TOGETHER = 0.6  # correlation of both: who is careless with dabs is so with the stroke
+USUAL_OF_ONE = (0.02, 0.05)  # the same of one colour, which nothing can be held against
 ROUGH = 0.7  # of the inverse length of drift, which the exponential needs to be as smooth near by
-SURE = 0.01  # relative error that all dabs may share, and twice that which each has: the light field's own
+SURE = 0.005  # relative error that all dabs may share, and twice that which each has: the light field's own
 OF_POINTS = 0.4  # of the standard error of a dab's points, which lie apart and so err less than as many at random
 SLACK = 1.4  # by which the variance of dabs with colours of their own grows, as t's scale is less than its width
 OF_SWATCH = 0.5  # of the variance of what a swatch shows (natural logarithms) that its mean is uncertain by
@@ -57,10 +56,10 @@ ROUNDS = 3
 COLOR_GAIN = 16.0  # misfit for which a grey specular change becomes coloured; grey paint gains 9 at most
 COLORED = 0.05  # range of the channels of F0 that is a colour
 CAREFUL = 0.035  # relative residual of paint that is fitted as it is: the light field's own error
-GREY = 0.5  # correlation of a dab's own errors in two channels, where they are mostly grey
 AT_END = 1e-4  # of 0 and 1, where a colour is held
 UNSAID = 3.0  # relative error of channels that are held there
 GROWN = (0.0, 16.0)  # times which what is in doubt may grow with a colour
+UNLIKELY = 1e-3  # chance of a size that is left out
 OF_DOUBT = 0.3  # of what renderers do not agree on at a dab, by which dabs differ in who is right
 LEAST_DOUBT = 0.01  # of a dab, that is more than rounding
 MOST_GROUPS = 96  # dabs and swatches that a and b are read off
@@ -75,17 +74,44 @@ class PaintErrors:
     """
 
     together: F64 | None  # (m, n) takes the mean of dabs that share a swatch; None: all are alone
+    sizes: Sizes  # what a and b are likely to be
     alike: float  # a
     own: float  # b
-    grey: float  # k
     trust: F64  # (m,) 0..1
-    shared: F64  # (m, m) brightness that drifts
-    tinted: F64  # (m, m)
+    drift: F64  # (m, m) brightness that drifts, where a is 1
+    tint: F64  # (m, m) the same
     sure: F64  # (m, m)
-    single: F64  # (m, 3) variances of a dab's own errors, which are mostly grey
+    each: F64  # (m,) variance of a dab's own errors where b is 1
+    of_means: F64  # (m, 3) what a palette's colours mean, beside it
+    vague: F64  # (m, 3) least variance of a dab's own errors
     unsaid: F64  # (m, 3) variances of channels that say nothing
     share: F64  # (m, 3) s
     doubt: F64  # (m, 3) q
+
+    @property
+    def grey(self) -> float:
+        """k."""
+        return self.sizes.grey
+
+    @property
+    def shared(self) -> F64:
+        """Covariance (m, m) of brightness that drifts."""
+        return self.alike * self.drift
+
+    @property
+    def tinted(self) -> F64:
+        """Covariance (m, m) of tints."""
+        return self.alike * self.tint
+
+    @cached_property
+    def single(self) -> F64:
+        """Variances (m, 3) of a dab's own errors, which are mostly grey."""
+        return np.maximum(self.own * self.each[:, None] + self.of_means, self.vague) + (OF_DOUBT * self.doubt) ** 2
+
+    def likely(self) -> list[tuple[float, PaintErrors]]:
+        """Errors of each size that is likely, and its chance."""
+        each = zip(self.sizes.of_alike, self.sizes.alike, self.sizes.own_beside, strict=True)
+        return [(float(p), replace(self, alike=float(a), own=float(b))) for p, a, b in each if p > UNLIKELY]
 
     @cached_property
     def covariance(self) -> F64:
@@ -269,7 +295,9 @@ def paint_errors(t: Tables, o: Options, c: Candidate, trust: F64 | None = None) 
     parts = [mean(columns).reshape(m, 3, -1), share[:, :, None] * mean(_of_strokes(t))[:, None]]
     if doubt.max(initial=0) > LEAST_DOUBT:
         parts.append(doubt[:, :, None])
-    heard = own / np.sqrt(1 + ((OF_DOUBT * doubt) ** 2).mean(1) / (2 * SURE) ** 2)  # a dab in doubt shows no painter
+    sure = (2 * SURE) ** 2 / count  # of the mean of a swatch's dabs
+    beyond = np.maximum(vague.mean(1) - sure, 0) + ((OF_DOUBT * doubt) ** 2).mean(1)
+    heard = own / np.sqrt(1 + beyond / sure)  # a dab in doubt, or that few points are known of, shows no painter
     explained = heard[:, None, None] * np.concatenate(parts, 2)
     of_swatches = bool((t.swatch >= 0).all())
     usual = (USUAL_OF_ONE if t.has_one_color.all() else USUAL_OF_SWATCHES) if of_swatches else USUAL
@@ -279,20 +307,15 @@ def paint_errors(t: Tables, o: Options, c: Candidate, trust: F64 | None = None) 
     by = heard[some, None] * heard[some]
     alike = np.kron(by * drift[apart], np.ones((k, k))) + np.kron(by * o.tint_error**2 * same[apart], np.eye(k))
     alike *= np.outer(share[some][:, free], share[some][:, free])
-    a, b, grey = _sizes(y, explained[some][:, free], alike, usual)
-    b = max(b, (2 * SURE / o.dab_error) ** 2)
-    single = ((1.0 if of_swatches else SLACK) * b / own**2)[:, None] + np.zeros(3)
-    if together is not None:
-        single = single + _of_swatch_means(t, c, together)
-    single = np.maximum(single, vague) + (OF_DOUBT * doubt) ** 2
-    tinted = a * o.tint_error**2 * same
+    slack, least = 1.0 if of_swatches else SLACK, (2 * SURE / o.dab_error) ** 2
+    sizes = likely_sizes(y, explained[some][:, free], alike, usual, least, slack)
+    a, b = sizes.middle
+    of_means = np.zeros((m, 3)) if together is None else _of_swatch_means(t, c, together)
     unsaid = np.broadcast_to(UNSAID**2 * held, (m, 3))
-    return PaintErrors(together, a, b, grey, trust, a * drift, tinted, SURE**2 * same, single, unsaid, share, doubt)
-
-
-def mostly_grey(channels: int, grey: float) -> F64:
-    """K: correlation (channels, channels) of a dab's own errors."""
-    return np.asarray((1 - grey) * np.eye(channels) + grey)
+    tint, alike = o.tint_error**2 * same, SURE**2 * same
+    return PaintErrors(
+        together, sizes, a, b, trust, drift, tint, alike, slack / own**2, of_means, vague, unsaid, share, doubt
+    )
 
 
 def doubt_of(t: Tables, c: Candidate) -> F64:
@@ -349,41 +372,6 @@ def _shared_by(at: bytes, group: bytes, drift_length: float, drift_error: float)
     for x in (drift, same):
         x.flags.writeable = False
     return drift, same
-
-
-def _sizes(y: F64, explained: F64, alike: F64, usual: tuple[float, float]) -> tuple[float, float, float]:
-    """Sizes a and b of errors a `alike` + b K in y (m, k), of which columns (m, k, p) may explain anything; k of K.
-
-    Args:
-        usual: middle of what a and b are where y says little.
-    """
-    greys = (0.0, GREY) if y.shape[1] > 1 else (0.0,)
-    a, b = (x.reshape(-1, 1) for x in np.meshgrid(SIZES_ALIKE, SIZES_OWN, indexing="ij"))
-    logs = np.concatenate([_chances(y, explained, alike, (a, b), grey) for grey in greys], 1)
-    of_a, of_b = np.log(a / usual[0]) / SPREAD, np.log(b / usual[1]) / SPREAD
-    logs -= 0.5 * (of_a**2 + of_b**2 - 2 * TOGETHER * of_a * of_b) / (1 - TOGETHER**2)
-    chance = np.exp(logs - logs.max())
-    chance /= chance.sum()
-    grey = float((chance.sum(0) * greys).sum())
-    return float((chance * np.sqrt(a)).sum() ** 2), float((chance * np.sqrt(b)).sum() ** 2), grey
-
-
-def _chances(y: F64, explained: F64, alike: F64, ab: tuple[F64, F64], grey: float) -> F64:
-    """Logarithms (n, 1) of how likely y is with sizes a (n, 1), b (n, 1) and correlation `grey` of K."""
-    m, k = y.shape
-    mean = np.full((k, k), 1 / k)
-    w = mean / np.sqrt(1 + (k - 1) * grey) + (np.eye(k) - mean) / np.sqrt(1 - grey)  # makes them independent
-    columns, even = (w @ explained).reshape(m * k, -1), (y @ w).reshape(-1)
-    turned = (w @ (alike.reshape(m, k, m, k) @ w).reshape(m, k, -1)).reshape(m * k, -1)
-    left, sizes, _ = np.linalg.svd(columns, full_matrices=False)
-    rank = int((1e-9 * sizes.max(initial=1e-30) < sizes).sum())
-    rest = np.linalg.qr(left[:, :rank], mode="complete").Q[:, rank:]
-    size, turn = np.linalg.eigh(rest.T @ turned @ rest)
-    seen = (turn.T @ (rest.T @ even)) ** 2
-    a, b = ab
-    variance = a * np.maximum(size, 0) + b
-    log = -0.5 * (np.log(variance) + seen / variance).sum(1, keepdims=True)
-    return np.asarray(log + m * np.linalg.slogdet(w)[1] - np.log(sizes[:rank]).sum())
 
 
 def _trust(t: Tables, o: Options, c: Candidate, errors: PaintErrors) -> F64:

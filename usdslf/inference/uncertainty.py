@@ -37,6 +37,7 @@ OUTSIDE = 0.05  # chance of a value below an interval, and of one above
 IS_DARK, DARKEST = 0.4, 0.3  # chance that a stroke is too dark as a whole, and by how much at most
 CARELESS = 0.2  # size a of errors from which a stroke may be as dark as that
 STEPS = 31  # of how dark
+HALVINGS = 20  # of where an end may lie
 BETWEEN_LEVELS = 0.1  # of the step between levels of roughness, that its value may be off
 TEMPERATURE = 2.0  # cost by which the odds of two explanations change by a factor of e
 
@@ -70,25 +71,33 @@ def interval(t: Tables, o: Options, c: Candidate) -> Interval:
         j = errors.seen(np.stack(columns, 1))
         weighed = np.linalg.solve(errors.covariance, j)
         p = np.linalg.pinv(j.T @ weighed, rcond=1e-9) @ weighed.T
-        variance = np.diag(p @ errors.covariance @ p.T).copy()
         along = p @ errors.share.reshape(-1)  # by how much a number grows where all paint is brighter
-        dark = 0.0 if (t.swatch >= 0).all() else DARKEST * min(1.0, errors.alike / CARELESS)
+        likely = errors.likely()
+        chance = np.array([share for share, _ in likely])
+        variance = np.stack([((p @ e.covariance) * p).sum(1) for _, e in likely], 1)
+        sizes = np.array([e.alike for _, e in likely])
+        dark = np.zeros(len(sizes)) if (t.swatch >= 0).all() else DARKEST * np.minimum(1.0, sizes / CARELESS)
         for (name, channel), v, g in zip(names, variance, along, strict=True):
             if name == "roughness":
-                v += (BETWEEN_LEVELS * float(np.abs(np.diff(t.levels[:-1])).min(initial=1.0))) ** 2
-            reach = np.array(_quantiles(float(np.sqrt(max(v, 1e-12))), float(g), dark))
+                v = v + (BETWEEN_LEVELS * float(np.abs(np.diff(t.levels[:-1])).min(initial=1.0))) ** 2
+            reach = np.array(_quantiles(np.sqrt(np.maximum(v, 1e-12)), float(g), dark, chance))
             if channel is None or not held[channel]:
                 ends[name][:, slice(None) if channel is None else slice(channel, channel + 1)] += reach[:, None]
     return Interval(**{name: np.clip(value, 0, 1) for name, value in ends.items()})
 
 
-def _quantiles(sd: float, along: float, dark: float) -> tuple[float, float]:
-    """Ends that leave OUTSIDE beyond each, of a normal error and, at times, of paint that is too dark."""
-    meant = along * (1 / (1 - np.linspace(0, dark, STEPS)) - 1)
-    x = np.linspace(min(meant.min(), 0) - 4 * sd, max(meant.max(), 0) + 4 * sd, 401)
-    below = (1 - IS_DARK) * ndtr(x / sd) + IS_DARK * ndtr((x[:, None] - meant) / sd).mean(1)
-    low, high = np.interp([OUTSIDE, 1 - OUTSIDE], below, x)
-    return float(low), float(high)
+def _quantiles(sd: F64, along: float, dark: F64, chance: F64) -> tuple[float, float]:
+    """Ends that leave OUTSIDE beyond each, of normal errors (g,) of sizes and, at times, of paint that is too dark."""
+    meant = along * (1 / (1 - dark[:, None] * np.linspace(0, 1, STEPS)) - 1)  # (g, STEPS)
+    weight, aim = chance / chance.sum(), np.array([OUTSIDE, 1 - OUTSIDE])
+    reach = 4 * sd.max()
+    low, high = np.full(2, min(meant.min(), 0) - reach), np.full(2, max(meant.max(), 0) + reach)
+    for _ in range(HALVINGS):
+        x = 0.5 * (low + high)
+        too_dark = ndtr((x[:, None, None] - meant) / sd[:, None]).mean(2)
+        is_above = ((1 - IS_DARK) * ndtr(x[:, None] / sd) + IS_DARK * too_dark) @ weight > aim
+        low, high = np.where(is_above, low, x), np.where(is_above, x, high)
+    return float(x[0]), float(x[1])
 
 
 def probabilities(costs: Sequence[float | None]) -> NDArray[np.float64]:
