@@ -2,8 +2,8 @@
 
     likely_sizes(left, explained, alike, usual, least, slack) -> Sizes, their chances on a grid
 
-What is left of the paint, whatever the explanation's parameters are, has the covariance a `alike` + slack b K over
-dabs and channels: a drift and a tint that dabs share, and what each errs by itself.  A few dabs say little about a
+What is left of the paint, whatever the explanation's parameters are, has the covariance a `alike` + b K over dabs
+and channels: a drift and a tint that dabs share, and what each errs by itself.  A few dabs say little about a
 drift, so that one size would be too much for careful paint and too little for a careless one: the fit takes the middle
 of what is likely (of the roots), an interval all of it, each size by its chance.
 
@@ -62,11 +62,11 @@ def likely_sizes(
         alike: (m k, m k) covariance of what dabs share where a is 1.
         usual: middle of what a and b are where the dabs say little.
         least: b cannot be less.
-        slack: by which the variance of what dabs err by is more than b.
+        slack: by which b is more than what is seen, where dabs that are far off have lost trust.
     """
     greys = (0.0, GREY) if left.shape[1] > 1 else (0.0,)
-    own = np.maximum(SIZES_OWN, least)
-    logs = np.stack([_chances(left, explained, alike, slack * own, grey) for grey in greys], 2)
+    own = np.maximum(slack * SIZES_OWN, least)
+    logs = np.stack([_chances(left, explained, alike, own, grey) for grey in greys], 2)
     of_a, of_b = np.log(SIZES_ALIKE / usual[0])[:, None] / SPREAD, np.log(SIZES_OWN / usual[1]) / SPREAD
     logs -= (0.5 * (of_a**2 + of_b**2 - 2 * TOGETHER * of_a * of_b) / (1 - TOGETHER**2))[..., None]
     chance = np.exp(logs - logs.max())

@@ -46,8 +46,8 @@ from usdslf.scene.records import F64
 USUAL = (0.03, 0.03)  # middle of what a and b are where the dabs are few
 USUAL_OF_SWATCHES = (0.015, 0.06)  # the same where all dabs have one of few colours, which was mixed with care
 USUAL_OF_ONE = (0.02, 0.05)  # the same of one colour, which nothing can be held against
-ROUGH = 0.7  # of the inverse length of drift, which the exponential needs to be as smooth near by
-SURE = 0.005  # relative error that all dabs may share, and twice that which each has: the light field's own
+ROUGH = 0.4  # of the inverse length of drift, which the exponential needs to be as smooth near by
+SURE, LEAST = 0.005, 0.015  # relative error that all dabs may share, and that which each has: the light field's own
 OF_POINTS = 0.4  # of the standard error of a dab's points, which lie apart and so err less than as many at random
 SLACK = 1.4  # by which the variance of dabs with colours of their own grows, as t's scale is less than its width
 OF_SWATCH = 0.5  # of the variance of what a swatch shows (natural logarithms) that its mean is uncertain by
@@ -280,7 +280,7 @@ def paint_errors(t: Tables, o: Options, c: Candidate, trust: F64 | None = None) 
     residual = mean(relative_residuals(t, c))  # (m, 3)
     if trust is None:
         size = count * (residual**2).sum(1)
-        trust = np.sqrt(np.minimum(1, (DEGREES + 3) / (DEGREES + 3 * size / (np.median(size) + 3 * (2 * SURE) ** 2))))
+        trust = np.sqrt(np.minimum(1, (DEGREES + 3) / (DEGREES + 3 * size / (np.median(size) + 3 * LEAST**2))))
     drift, same = _shared(t, o)
     if together is not None:
         drift, same = (together @ x @ together.T for x in (drift, same))
@@ -291,11 +291,12 @@ def paint_errors(t: Tables, o: Options, c: Candidate, trust: F64 | None = None) 
     vague = (OF_POINTS * t.noise / t.scale) ** 2  # of the mean of a swatch's dabs less
     vague, doubt = (vague if together is None else together**2 @ vague), mean(doubt_of(t, c))
     if m > MOST_GROUPS:  # where channels are alike, grey and colours are apart, which is much faster
-        share, vague, doubt = (np.repeat(x.mean(1, keepdims=True), 3, 1) for x in (share, vague, doubt))
+        alike_in = lambda x: np.repeat(x.mean(1, keepdims=True), 3, 1)  # noqa: E731
+        share, vague, doubt = alike_in(share), alike_in(np.sqrt(vague)) ** 2, alike_in(doubt)  # errors, not variances
     parts = [mean(columns).reshape(m, 3, -1), share[:, :, None] * mean(_of_strokes(t))[:, None]]
     if doubt.max(initial=0) > LEAST_DOUBT:
         parts.append(doubt[:, :, None])
-    sure = (2 * SURE) ** 2 / count  # of the mean of a swatch's dabs
+    sure = LEAST**2 / count  # of the mean of a swatch's dabs
     beyond = np.maximum(vague.mean(1) - sure, 0) + ((OF_DOUBT * doubt) ** 2).mean(1)
     heard = own / np.sqrt(1 + beyond / sure)  # a dab in doubt, or that few points are known of, shows no painter
     explained = heard[:, None, None] * np.concatenate(parts, 2)
@@ -307,14 +308,14 @@ def paint_errors(t: Tables, o: Options, c: Candidate, trust: F64 | None = None) 
     by = heard[some, None] * heard[some]
     alike = np.kron(by * drift[apart], np.ones((k, k))) + np.kron(by * o.tint_error**2 * same[apart], np.eye(k))
     alike *= np.outer(share[some][:, free], share[some][:, free])
-    slack, least = 1.0 if of_swatches else SLACK, (2 * SURE / o.dab_error) ** 2
+    slack, least = 1.0 if of_swatches else SLACK, (LEAST / o.dab_error) ** 2
     sizes = likely_sizes(y, explained[some][:, free], alike, usual, least, slack)
     a, b = sizes.middle
     of_means = np.zeros((m, 3)) if together is None else _of_swatch_means(t, c, together)
     unsaid = np.broadcast_to(UNSAID**2 * held, (m, 3))
     tint, alike = o.tint_error**2 * same, SURE**2 * same
     return PaintErrors(
-        together, sizes, a, b, trust, drift, tint, alike, slack / own**2, of_means, vague, unsaid, share, doubt
+        together, sizes, a, b, trust, drift, tint, alike, 1 / own**2, of_means, vague, unsaid, share, doubt
     )
 
 
