@@ -14,7 +14,7 @@ from usdslf.inference.weights import Options
 
 NAMES = ("single_teapot_dome_diffuse_m", "single_sphere_distant_specular_m", "single_torus_area_glossiness_m")
 KEYS = ("diffuse", "specular", "roughness")
-SEEN = 0.005
+SEEN = 0.01
 
 
 @pytest.mark.divided
@@ -24,7 +24,7 @@ def test_l2_moves_what_nobody_asked_for_and_sparse_norms_do_not(name: str, tmp_p
     truth = read_truth(case)
     session = usdslf.open(build_stage(case, tmp_path), elements=1500)
     unasked = {}
-    for way in ("exact", "uneven"):
+    for way in ("exact", "uneven", "few"):
         session.add_stroke(paint(session, truth, way))
         for norm in ("l2", "l0", "mixed", "factors"):
             if norm == "factors":
@@ -40,4 +40,5 @@ def test_l2_moves_what_nobody_asked_for_and_sparse_norms_do_not(name: str, tmp_p
             asked = "roughness" if case.parameter == "glossiness" else case.parameter
             unasked[way, norm] = max(v for k, v in moved.items() if k != asked)
             assert moved[asked] > 0.05, (way, norm, moved)
-    assert unasked["uneven", "l2"] > SEEN  # a painter's error goes where it finds a freedom
+    # a painter's error goes where it finds a freedom; of two dozen dabs it is told from a drift, of six it is not
+    assert unasked["few", "l2"] > SEEN
