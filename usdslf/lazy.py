@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Any, Generic, TypeVar, overload
 
 from usdslf.progress import wait_for
@@ -54,6 +55,16 @@ class Later(Generic[Value]):
         found = Later(lambda: value)
         found()
         return found
+
+    def begin(self) -> None:
+        """Begins to make it on a thread of its own; who asks for it then waits, and finds what went wrong."""
+
+        def work() -> None:
+            with suppress(Exception):
+                self()
+
+        if self._make is not None:
+            threading.Thread(target=work, name="usdslf-later").start()
 
     def __call__(self) -> Value:
         """Returns the value."""

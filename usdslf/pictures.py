@@ -18,7 +18,6 @@ from numpy.typing import NDArray
 from usdslf.progress import step, tell, tell_during
 from usdslf.render.live.ahead import built_ahead
 from usdslf.render.live.picture import LivePicture
-from usdslf.render.picture import PictureOptions, render_bands
 from usdslf.scene.records import Camera
 from usdslf.shot import Shot
 
@@ -45,6 +44,8 @@ def render_shot(
 
     Raises: StageError for an unknown camera, InputError for a look that cannot be read, a size or an AOV.
     """
+    from usdslf.render.picture import PictureOptions, render_bands  # late: live ones need none of it
+
     if look is not None:
         shot = shot.edited(_path_of(look))
     view = camera if isinstance(camera, Camera) else shot.camera(camera)
@@ -81,6 +82,7 @@ def live_picture(
     if look is not None:
         shot = shot.edited(_path_of(look))
     with built_ahead(shot.device_name, shot.model):
+        shot.later_tracer.begin()
         view = camera if isinstance(camera, Camera) else shot.camera(camera)
         lit, lights = shot.lit, shot.light_set
     with step("render", shot.seconds):

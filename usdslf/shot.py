@@ -17,14 +17,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from usdslf.animation.frames import PlacedFrame, carry
-from usdslf.animation.revealed import DarkProbes, probe_dark
 from usdslf.cache import keeps
 from usdslf.elements.elements import Elements, refresh_reflectance, sample_elements
 from usdslf.elements.lookup import ElementLookup
-from usdslf.errors import InputError
 from usdslf.gpu.device import Device, open_device
-from usdslf.lazy import Lazy
+from usdslf.lazy import Later, Lazy
 from usdslf.light_field.light_field import LightField
 from usdslf.light_field.storage import USUAL, check_memory, storage_within
 from usdslf.light_field.visibility import Visibility
@@ -32,6 +29,7 @@ from usdslf.lights.defaults import lights_or_default
 from usdslf.lights.missing_dome import MISSING_DOME, with_missing_domes
 from usdslf.lights.sources import LightSet
 from usdslf.progress import step, tell_during
+from usdslf.quality import quality_of
 from usdslf.rays import RayTracer
 from usdslf.render.overview_camera import overview_camera
 from usdslf.render.settings import LitScene
@@ -40,20 +38,14 @@ from usdslf.scene.difference import Afresh, is_same_but_for_reflectance, why_not
 from usdslf.scene.records import Camera, Light, Material, Scene
 from usdslf.shot_cache import ShotCache
 from usdslf.shot_light import Arriving, Recipe
-from usdslf.surfaces.reflectance import model_of
-from usdslf.usd.border import quiet_usd
-from usdslf.usd.edited import open_edited
-from usdslf.usd.layer.wins import compose_over
-from usdslf.usd.preview.preview_material import PreviewMaterials
-from usdslf.usd.preview.preview_material import make_preview as make_preview_materials
 from usdslf.usd.read.read import open_stage, read_scene
 
-if TYPE_CHECKING:
+if TYPE_CHECKING:  # as what is imported late: a first picture needs none of it
+    from usdslf.animation.frames import PlacedFrame
+    from usdslf.animation.revealed import DarkProbes
     from usdslf.inference.gathered import Gathered
     from usdslf.inference.pictured import Pictured
-
-QUALITY = ("elements", "bounces", "refine", "model", "missing_dome", "memory")  # options of `Shot.open`
-MOST_ELEMENTS = (1 << 22) - 1
+    from usdslf.usd.preview.preview_material import PreviewMaterials
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,24 +113,9 @@ class Shot:
 
         Raises: StageError where the stage cannot be opened, InputError for a number that cannot be.
         """
-        if unknown := sorted(quality.keys() - set(QUALITY)):
-            raise TypeError(f"there is no option '{unknown[0]}'; choose from {', '.join(QUALITY)}")
-        elements, model = quality.get("elements", 10000), quality.get("model", "preview_surface")
-        bounces, refine = quality.get("bounces", 8), quality.get("refine", 1)
-        missing_dome, memory = quality.get("missing_dome", MISSING_DOME[0]), quality.get("memory")
-        if not 1 <= elements <= MOST_ELEMENTS:
-            raise InputError(f"--elements {elements} is not in 1 .. {MOST_ELEMENTS}")
-        if bounces < 1:
-            raise InputError(f"--bounces {bounces} is less than 1")
-        if missing_dome not in MISSING_DOME:
-            raise InputError(f"--missing-dome {missing_dome} is unknown; choose one of {', '.join(MISSING_DOME)}")
-        if memory is not None and not memory > 0:
-            raise InputError(f"--memory {memory:g} is not above 0")
-        model_of(model)
+        elements, bounces, refine, model, missing_dome, memory = quality_of(quality)
         source = open_stage(stage) if isinstance(stage, (str, os.PathLike)) else stage
-        made = make_preview_materials(source, ocio) if make_preview else None
-        with quiet_usd():
-            composed = compose_over(source, made.layer) if made else source
+        made, composed = _with_preview(source, ocio) if make_preview else (None, source)
         asked = elements, bounces, refine, model, device, missing_dome, memory
         return Shot(source, composed, made, frame, ocio, *asked)
 
@@ -169,11 +146,17 @@ class Shot:
             return name if isinstance(name, Device) else tell_during(lambda: open_device(name))
 
     @Lazy
+    def later_tracer(self) -> Later[RayTracer]:
+        """The same as `tracer`, when it is called."""
+        scene, known = self.scene, vars(self).get("tracer")
+        return Later.of(known) if known else Later(lambda: RayTracer(scene))
+
+    @Lazy
     def tracer(self) -> RayTracer:
         """Rays against the scene."""
-        scene = self.scene
+        later = self.later_tracer
         with step("read", self.seconds):
-            return tell_during(lambda: RayTracer(scene))
+            return tell_during(later)
 
     @Lazy
     def lights(self) -> tuple[Light, ...]:
@@ -202,25 +185,24 @@ class Shot:
 
         Raises: MemoryError_ where their light field does not fit the device, StageError where there is no surface.
         """
-        scene, tracer, kept = self.scene, self.tracer, self.kept
+        scene, tracer, kept = self.scene, self.later_tracer, self.kept
         check_memory(self.memory, self.element_count, self.device)
-        compute = lambda: sample_elements(scene, tracer, self.element_count, np.random.default_rng(0))  # noqa: E731
+        compute = lambda: sample_elements(scene, tracer(), self.element_count, np.random.default_rng(0))  # noqa: E731
         with step("elements", self.seconds):
             return tell_during(lambda: kept.elements(compute) if kept else compute())
 
     @Lazy
     def lookup(self) -> ElementLookup:
         """Near elements of any point."""
-        elements, scene, tracer, kept = self.elements, self.scene, self.tracer, self.kept
+        elements, scene, tracer, kept = self.elements, self.scene, self.later_tracer, self.kept
+        compute = lambda: ElementLookup(scene, tracer(), elements)  # noqa: E731
         with step("elements", self.seconds):
-            return tell_during(
-                lambda: kept.lookup(elements, tracer) if kept else ElementLookup(scene, tracer, elements)
-            )
+            return tell_during(lambda: kept.lookup(elements, compute) if kept else compute())
 
     @Lazy
     def arriving(self) -> Arriving:
         """What light arrives by, when it is asked for."""
-        places, known = (self.elements, self.lookup, self.tracer), vars(self).get("visibility")
+        places, known = (self.elements, self.lookup, self.later_tracer), vars(self).get("visibility")
         return Arriving.of(places, self.lights, self.device, self.kept, known)
 
     @Lazy
@@ -233,6 +215,8 @@ class Shot:
     @Lazy
     def dark_probes(self) -> DarkProbes:
         """Places without elements, which other frames ask again for light."""
+        from usdslf.animation.revealed import probe_dark
+
         elements, scene, tracer = self.elements, self.scene, self.tracer
         with step("elements", self.seconds):
             return tell_during(lambda: probe_dark(elements, scene, tracer))
@@ -274,7 +258,7 @@ class Shot:
     @Lazy
     def pictured(self) -> Pictured:
         """Its light as pictures see it, for evidence."""
-        from usdslf.inference.pictured import Pictured  # late, as below: pictures need no inference
+        from usdslf.inference.pictured import Pictured
 
         tracer, field, lights = self.tracer, self.light_field, self.light_set
         with step("evidence", self.seconds):
@@ -310,6 +294,8 @@ class Shot:
 
         Raises: InputError where the look cannot be read.
         """
+        from usdslf.usd.edited import open_edited
+
         return self.reopened(open_edited(self.path, look), follows)
 
     def under(self, materials: Sequence[Material]) -> Shot:
@@ -373,6 +359,8 @@ class Shot:
         Elements keep the places that they were laid at on what moved, and visibility is traced again only where that
         can have changed it.  What sees light only now gets new elements; other or stretched meshes start afresh, said.
         """
+        from usdslf.animation.frames import PlacedFrame, carry
+
         field = vars(self).get("light_field") or next(iter(self.start), None)
         other = self._afresh(frame=frame, start=[field] if field else [])
         first = self.laid.scene if self.laid else self.scene
@@ -398,3 +386,14 @@ class Shot:
     def _take(self, **values: Any) -> None:
         """Takes values of another state, before anybody else knows this one."""
         vars(self).update(values)
+
+
+def _with_preview(source: Any, ocio: str | None) -> tuple[PreviewMaterials, Any]:
+    """Makes the materials that a stage lacks; returns them, and the stage with them over it."""
+    from usdslf.usd.border import quiet_usd
+    from usdslf.usd.layer.wins import compose_over
+    from usdslf.usd.preview.preview_material import make_preview
+
+    made = make_preview(source, ocio)
+    with quiet_usd():
+        return made, compose_over(source, made.layer)

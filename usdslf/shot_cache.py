@@ -29,7 +29,6 @@ from usdslf.elements.lookup import ElementLookup
 from usdslf.gpu.device import Device
 from usdslf.gpu.source import kernel_folder
 from usdslf.light_field.visibility import Visibility
-from usdslf.rays import RayTracer
 from usdslf.scene.fingerprint import appearance_of, digest, geometry_of
 from usdslf.scene.records import Light, Scene
 from usdslf.textures.files import file_of, stamp_of
@@ -78,15 +77,15 @@ class ShotCache:
         found = self._kept("elements", lambda: _arrays_of(compute()), self._appearance, self.count)
         return Elements(**found)
 
-    def lookup(self, elements: Elements, tracer: RayTracer) -> ElementLookup:
+    def lookup(self, elements: Elements, compute: Callable[[], ElementLookup]) -> ElementLookup:
         """Returns the tables of near elements."""
         made: list[ElementLookup] = []
 
-        def compute() -> Arrays:
-            made.append(ElementLookup(self.scene, tracer, elements))
+        def tables() -> Arrays:
+            made.append(compute())
             return made[0].tables
 
-        found = self._kept("lookup", compute, self._laid(elements))
+        found = self._kept("lookup", tables, self._laid(elements))
         return made[0] if made else ElementLookup.of_tables(self.scene, elements, found)
 
     def visibility(self, elements: Elements, compute: Callable[[], Visibility]) -> Visibility:

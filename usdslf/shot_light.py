@@ -41,7 +41,7 @@ class Arriving:
 
     @staticmethod
     def of(
-        places: tuple[Elements, ElementLookup, RayTracer], lights: Sequence[Light], device: Device,
+        places: tuple[Elements, ElementLookup, Later[RayTracer]], lights: Sequence[Light], device: Device,
         kept: ShotCache | None, visibility: Visibility | None = None,
     ) -> Arriving:  # fmt: skip
         """Remembers what it is made of, or where it is kept.
@@ -54,11 +54,11 @@ class Arriving:
             visibility: None: it is to be traced.
         """
         elements, lookup, tracer = places
-        trace = lambda: trace_visibility(elements, lookup, tracer, device)  # noqa: E731
+        trace = lambda: trace_visibility(elements, lookup, tracer(), device)  # noqa: E731
         links = Later(lambda: kept.visibility(elements, trace) if kept else trace())
         if visibility is not None:
             links = Later.of(visibility)
-        light = lambda: static_light(elements, tracer, lights, links()).diffuse  # noqa: E731
+        light = lambda: static_light(elements, tracer(), lights, links()).diffuse  # noqa: E731
         return Arriving(links, Later(lambda: kept.fixed_light(elements, light) if kept else light()))
 
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field, fields, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from usdslf.geometry.normals import corner_normals, cross, limit_normals
+from usdslf.geometry.normals import corner_normals, limit_normals
 from usdslf.geometry.subdivision import (
     Net,
     face_varying_net,
@@ -23,6 +23,7 @@ from usdslf.geometry.subdivision import (
     refined_faces,
 )
 from usdslf.geometry.triangulation import triangulate
+from usdslf.scene.products import cross
 from usdslf.scene.records import F32, F64, I32
 
 I64 = NDArray[np.int64]

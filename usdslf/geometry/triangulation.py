@@ -10,8 +10,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from usdslf.geometry.normals import cross
 from usdslf.sampling.frames import tangents
+from usdslf.scene.products import cross
 from usdslf.scene.records import F64
 
 I64 = NDArray[np.int64]

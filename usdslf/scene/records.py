@@ -15,6 +15,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from usdslf.scene.products import cross
+
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]
 I32 = NDArray[np.int32]
@@ -216,7 +218,7 @@ class Triangles:
     def face_normals(self) -> F32:
         """Unit geometric normals (T, 3); zero for degenerate triangles."""
         p = self.positions.astype(np.float64)
-        n = np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0])
+        n = cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0])
         length = np.linalg.norm(n, axis=1, keepdims=True)
         return (n / np.where(length > 0, length, 1)).astype(np.float32)
 
@@ -224,7 +226,8 @@ class Triangles:
     def areas(self) -> F64:
         """Areas (T,) [stage units squared]."""
         p = self.positions.astype(np.float64)
-        return 0.5 * np.linalg.norm(np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]), axis=1)
+        areas: F64 = 0.5 * np.linalg.norm(cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]), axis=1)
+        return areas
 
 
 @dataclass(frozen=True)

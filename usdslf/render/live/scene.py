@@ -10,11 +10,13 @@ from typing import Any
 
 import numpy as np
 
+from usdslf.cache import address, arrays
 from usdslf.elements.lookup import DeviceLookup
 from usdslf.gpu.device import Device, Kernel
 from usdslf.gpu.launch import GROUP, groups
 from usdslf.gpu.shared import Shared
 from usdslf.light_field.light_field import LightField
+from usdslf.light_field.preconvolution import WEIGHTS_VERSION
 from usdslf.light_field.storage import constants_of
 from usdslf.lights.sources import LightSet
 from usdslf.rays import RayTracer
@@ -207,8 +209,13 @@ def fresnel_shares(model: str) -> F32:
     """Returns the share (FRESNEL_COSINES,) of the column Y in even light by the eye's cosine; 1 where Y is all."""
     if not model_of(model).has_fresnel:
         return np.ones(r.FRESNEL_COSINES, np.float32)
-    cosine = np.maximum(np.linspace(0, 1, r.FRESNEL_COSINES), 1e-3)
-    return directional_albedo(model, float(lobe_parameter(model, 0.5)), cosine)[:, 1].astype(np.float32)
+
+    def integrate() -> dict[str, F32]:
+        cosine = np.maximum(np.linspace(0, 1, r.FRESNEL_COSINES), 1e-3)
+        albedo = directional_albedo(model, float(lobe_parameter(model, 0.5)), cosine)
+        return {"share": albedo[:, 1].astype(np.float32)}
+
+    return arrays(address("shares", WEIGHTS_VERSION, model, r.FRESNEL_COSINES), integrate)["share"]
 
 
 class Hits:

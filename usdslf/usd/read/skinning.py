@@ -8,13 +8,17 @@ cubes, ...) follow their joints rigidly, as UsdSkel.BakeSkinning has it.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from pxr import Usd, UsdGeom, UsdSkel, Vt
+from pxr import Usd, UsdGeom, Vt
 
 from usdslf.scene.records import F64
 from usdslf.usd.notes import Notes
+
+if TYPE_CHECKING:
+    from pxr import UsdSkel
 
 
 @dataclass(frozen=True)
@@ -31,15 +35,32 @@ class Skins:
 
     def __init__(self, time: Usd.TimeCode, notes: Notes) -> None:
         self._time, self._notes = time, notes
-        self._cache = UsdSkel.Cache()
         self._xforms = UsdGeom.XformCache(time)
         self._roots: dict[Any, bool] = {}
+        self._is_below: dict[Any, bool] = {}  # a SkelRoot, by path
+
+    @cached_property
+    def _cache(self) -> UsdSkel.Cache:
+        from pxr import UsdSkel  # late: few stages have skeletons, and it takes as long to load as 100 other modules
+
+        return UsdSkel.Cache()
+
+    def _is_in_root(self, prim: Usd.Prim) -> bool:
+        """Tells whether a prim is a SkelRoot or stands below one."""
+        if not prim:
+            return False
+        path = prim.GetPath()
+        if path not in self._is_below:
+            self._is_below[path] = str(prim.GetTypeName()) == "SkelRoot" or self._is_in_root(prim.GetParent())
+        return self._is_below[path]
 
     def query(self, prim: Usd.Prim) -> UsdSkel.SkinningQuery | None:
         """Returns how a prim is skinned, or none."""
-        root = UsdSkel.Root.Find(prim)
-        if not root:
+        if not self._is_in_root(prim):
             return None
+        from pxr import UsdSkel
+
+        root = UsdSkel.Root.Find(prim)
         if root.GetPath() not in self._roots:
             self._roots[root.GetPath()] = True
             at = root.GetPrim()
@@ -51,6 +72,8 @@ class Skins:
 
     def _skeleton(self, prim: Usd.Prim) -> UsdSkel.SkeletonQuery | None:
         """The skeleton that a prim follows; none, and a note, where it cannot be read."""
+        from pxr import UsdSkel
+
         skeleton = UsdSkel.BindingAPI(prim).GetInheritedSkeleton()
         skel = self._cache.GetSkelQuery(skeleton) if skeleton else None
         if not skel:
@@ -105,6 +128,8 @@ class Skins:
         weights = mapper.Remap(weights)
         if weights is None:
             return points
+        from pxr import UsdSkel
+
         shapes = UsdSkel.BlendShapeQuery(UsdSkel.BindingAPI(prim))
         found = shapes.ComputeSubShapeWeights(weights)
         if not found:
