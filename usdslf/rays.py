@@ -7,6 +7,7 @@ asked without `output`; barycentric (u, v) means (1 - u - v) P0 + u P1 + v P2.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from copy import copy
@@ -30,6 +31,7 @@ FEWEST = 2048  # rays of one run, where several threads share what is less than 
 MAX_LAYERS = 32  # see-through surfaces that a ray may pass
 ULPS = 16.0  # offset of ray origins, in units of the last place of the coordinates
 MOST = 0.88  # share of rows that are rays, above which the others are traced with them
+USUAL = 0.99  # of all triangles keep the bound of points whose triangle is not told
 LIFT = 0.2  # of their distance: how far two places are lifted to look at each other
 
 Opacity = Callable[[I32, F32], F32]
@@ -72,7 +74,8 @@ class RayTracer:
         corners = np.where(finite.reshape(-1, 1, 1), corners, np.float32(0))
         # (T,) largest coordinate of each triangle, which bounds the rounding of points on it
         self.extent: F32 = np.abs(corners).max((1, 2)) if len(corners) else np.zeros(0, np.float32)
-        self._usual_extent = float(np.quantile(self.extent, 0.99)) if len(corners) else 0.0
+        usual = math.ceil(USUAL * (len(corners) - 1))
+        self._usual_extent = float(np.partition(self.extent, usual)[usual]) if len(corners) else 0.0
         self._embree, starts = build_tree(corners)
         # (meshes + 1,) first triangle of each of Embree's meshes; the last, -1, is that of rays that met none
         self._first = np.array([*starts, 0], np.int32)

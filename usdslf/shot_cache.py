@@ -10,12 +10,12 @@ So nothing has to be invalidated, and what is read is byte for byte what would b
 from __future__ import annotations
 
 import hashlib
+import os
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, field, fields
 from functools import cached_property, lru_cache
 from importlib.metadata import version
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -205,10 +205,14 @@ def _contents(path: str, stamp: tuple[int, int]) -> bytes:
 def program_code() -> str:
     """Names what computes: the text of all modules and kernels, and the libraries beneath."""
     code = hashlib.blake2b(digest_size=20)
-    here = Path(__file__).parent
-    for file in sorted([*here.rglob("*.py"), *kernel_folder().rglob("*.cl")]):
-        code.update(file.name.encode() + file.read_bytes())
+    files = [*_files_in(os.path.dirname(__file__), ".py"), *_files_in(str(kernel_folder()), ".cl")]
+    for path in sorted(files):
+        with open(path, "rb", buffering=0) as file:
+            code.update(os.path.basename(path).encode() + file.read())
     code.update(repr([(name, version(name)) for name in BENEATH]).encode())
     return code.hexdigest()
 
 
+def _files_in(folder: str, suffix: str) -> list[str]:
+    """All files below a folder with a suffix."""
+    return [os.path.join(at, n) for at, _, names in os.walk(folder) for n in names if n.endswith(suffix)]

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from usdslf.lights.defaults import lights_or_default
+from usdslf.scene.arrays import distinct
 from usdslf.scene.records import Material, MissingTexture, PrimvarInput, Scene, Texture
 
 INPUTS = (
@@ -24,7 +25,7 @@ def describe(scene: Scene) -> dict[str, Any]:
     warnings = [*scene.warnings, *filter(None, [lights_or_default(scene)[1]])]
     users = np.zeros(len(scene.materials), np.int64)
     for mesh in scene.meshes:
-        users[np.unique(mesh.material_of_triangle)] += 1
+        users[distinct(mesh.material_of_triangle)] += 1
     return {
         "stage": scene.stage,
         "frame": None if math.isnan(scene.frame) else scene.frame,

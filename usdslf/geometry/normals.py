@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdslf.geometry.subdivision import Net
-from usdslf.scene.products import cross
+from usdslf.scene.arrays import cross
 from usdslf.scene.records import F64
 
 I64 = NDArray[np.int64]

@@ -23,7 +23,7 @@ from usdslf.geometry.subdivision import (
     refined_faces,
 )
 from usdslf.geometry.triangulation import triangulate
-from usdslf.scene.products import cross
+from usdslf.scene.arrays import cross
 from usdslf.scene.records import F32, F64, I32
 
 I64 = NDArray[np.int64]

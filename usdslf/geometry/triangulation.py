@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdslf.sampling.frames import tangents
-from usdslf.scene.products import cross
+from usdslf.scene.arrays import cross, distinct
 from usdslf.scene.records import F64
 
 I64 = NDArray[np.int64]
@@ -39,7 +39,7 @@ def triangulate(points: F64, counts: I64, indices: I64) -> tuple[I64, I64, I64]:
     corners = np.stack([base, base + within + 1, base + within + 2], axis=1)
 
     concave = np.flatnonzero(_is_concave(points, counts, indices, first))
-    for n in np.unique(counts[concave]):
+    for n in distinct(counts[concave]):
         of_size = concave[counts[concave] == n]
         step = max(1, _EARS_AT_ONCE // int(n))
         for i in range(0, len(of_size), step):
@@ -53,7 +53,7 @@ def triangulate(points: F64, counts: I64, indices: I64) -> tuple[I64, I64, I64]:
 def _is_concave(points: F64, counts: I64, indices: I64, first: I64) -> NDArray[np.bool_]:
     """Whether a face (F,) turns against its Newell normal at some corner, by more than rounding."""
     out = np.zeros(len(counts), bool)
-    for n in np.unique(counts[counts > 3]):
+    for n in distinct(counts[counts > 3]):
         of_size = np.flatnonzero(counts == n)
         p = points[indices[first[of_size][:, None] + np.arange(n)]]  # (m, n, 3)
         edge = np.roll(p, -1, axis=1) - p

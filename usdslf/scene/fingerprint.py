@@ -16,6 +16,7 @@ from typing import Any
 
 import numpy as np
 
+from usdslf.scene.arrays import distinct
 from usdslf.scene.records import LightTexture, Scene, Texture
 
 OfFile = Callable[[str], bytes]
@@ -44,7 +45,7 @@ def geometry_of(scene: Scene) -> tuple[Any, ...]:
     """Returns what rays and what they meet depend on: triangles, and how far materials are seen through."""
     t = scene.triangles
     clear = [i for i, m in enumerate(scene.materials) if not m.is_opaque]
-    seen_through = np.unique(t.mesh[np.isin(t.material, clear)])
+    seen_through = distinct(t.mesh[np.isin(t.material, clear)])
     return (
         (t.positions, t.normals, t.mesh, t.material, t.first_of_mesh, scene.origin),
         [(m.opacity, m.opacity_threshold, m.opacity_mode) for m in scene.materials],

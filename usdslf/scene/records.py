@@ -15,7 +15,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from usdslf.scene.products import cross
+from usdslf.scene.arrays import cross
 
 F32 = NDArray[np.float32]
 F64 = NDArray[np.float64]

@@ -89,7 +89,7 @@ class MaterialTable:
         count = len(self.materials)
         seen = np.zeros(count, bool)
         for mesh in meshes:
-            seen[np.unique(mesh.material_of_triangle)] = True
+            seen[mesh.material_of_triangle] = True
         number = (np.cumsum(seen) - 1).astype(np.int32)
         for i in np.nonzero(seen)[0]:
             for reason, prim in self._stand_ins.get(int(i), {}):

@@ -12,6 +12,7 @@ from pxr import Pcp, Sdf, Usd, UsdGeom
 from usdslf.color import USD_DEFAULT_SPACE, color_of
 from usdslf.errors import StageError
 from usdslf.replacing import is_folder
+from usdslf.scene.arrays import distinct
 from usdslf.scene.records import Light, Material, Mesh, MissingTexture, PrimvarInput, Scene, Texture
 from usdslf.usd.border import parse_reason, reading, text_of
 from usdslf.usd.notes import Notes, name_some
@@ -188,7 +189,7 @@ def _note_primvars(meshes: list[Mesh], materials: list[Material], notes: Notes) 
     """Notes gprims without a primvar that their material reads, or with one that leaves its texture."""
     values = [[v for v in vars(m).values() if isinstance(v, Texture | PrimvarInput)] for m in materials]
     for mesh in meshes:
-        for m in np.unique(mesh.material_of_triangle):
+        for m in distinct(mesh.material_of_triangle):
             for value in values[m]:
                 if isinstance(value, PrimvarInput):
                     if value.name not in mesh.primvars:
