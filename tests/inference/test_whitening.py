@@ -15,7 +15,7 @@ from usdslf.inference.paint_errors import as_shown, paint_errors, refit_as_paint
 from usdslf.inference.residuals import relative_scale
 from usdslf.inference.uncertainty import interval
 from usdslf.inference.weights import Options
-from usdslf.inference.whitening import White, whiten
+from usdslf.inference.whitening import MANY, White, white_of_parts, whiten
 
 
 @pytest.mark.parametrize("swatches", [0, 5])
@@ -82,3 +82,29 @@ def test_channel_means_of_many_dabs_say_what_all_channels_do(error: float, monke
     widths = [(high - low).mean() for low, high in ends]
     assert widths[0] == pytest.approx(widths[1], rel=0.15)
     assert ((ends[0][0] <= value) & (value <= ends[0][1])).all(), (ends[0], value)
+
+
+@pytest.mark.parametrize("per_stroke", [3, 40])
+def test_a_root_by_parts_whitens_as_the_whole_covariance_asks(per_stroke: int) -> None:
+    """Dabs of three strokes that share brightness and a tint each, of unlike sizes; by the covariance written out."""
+    rng, n = np.random.default_rng(5), 3 * per_stroke
+    of = np.repeat(np.eye(3), per_stroke, 0)
+    own, parts = rng.uniform(0.001, 0.1, n), np.concatenate([rng.uniform(0.01, 0.3, (n, 1)) * of, 0.02 * of], 1)
+    drift = np.exp(-np.abs(np.subtract.outer(np.arange(n), np.arange(n))) / 20)
+    white = white_of_parts(drift, own, parts)
+    color = np.diag(own) + sum(np.outer(p, p) for p in parts.T)
+    covariance = np.kron(drift, np.ones((3, 3))) + np.kron(color, np.eye(3))
+    np.testing.assert_allclose(white.matrix @ covariance @ white.matrix.T, np.eye(3 * n), atol=1e-9)
+    x = rng.standard_normal(3 * n)
+    np.testing.assert_allclose(white.transposed(white @ x), np.linalg.solve(covariance, x), rtol=1e-7)
+
+
+def test_many_dabs_are_whitened_by_their_covariance() -> None:
+    """Of two strokes, and so many that channels count as alike."""
+    rng = np.random.default_rng(6)
+    t = dull_tables(rng, 6 * N)
+    t = replace(t, stroke=np.arange(6 * N) % 2)
+    errors = paint_errors(t, Options(), Candidate(("diffuse",), level=0, freedoms=3))
+    assert errors.root.whole is None and len(errors.single) > MANY * 4
+    whitened = errors.root.matrix @ errors.covariance @ errors.root.matrix.T
+    np.testing.assert_allclose(whitened, np.eye(len(whitened)), atol=1e-8)

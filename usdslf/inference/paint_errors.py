@@ -40,7 +40,7 @@ from usdslf.inference.error_sizes import Sizes, likely_sizes, mostly_grey
 from usdslf.inference.fit import Problem, Way, fit, relative_residuals
 from usdslf.inference.residuals import mean_by_stroke, relative_scale
 from usdslf.inference.weights import Options
-from usdslf.inference.whitening import White, gaps_and_extents, inverse_root, white_of_axes
+from usdslf.inference.whitening import White, gaps_and_extents, inverse_root, white_of_parts
 from usdslf.scene.records import F64
 
 USUAL = (0.03, 0.03)  # middle of what a and b are where the dabs are few
@@ -126,10 +126,12 @@ class PaintErrors:
     def root(self) -> White:
         """What makes relative residuals of dabs and swatches independent, of unit variance."""
         if max(np.ptp(x, axis=1).max(initial=0) for x in (self.single, self.share, self.doubt, self.unsaid)) == 0:
-            both, single = np.outer(self.share[:, 0], self.share[:, 0]), np.diag(self.single[:, 0])
-            color = both * self.tinted + self.sure + (1 - self.grey) * single + np.diag(self.unsaid[:, 0])
-            alike = both * self.shared + np.outer(self.doubt[:, 0], self.doubt[:, 0]) + self.grey * single
-            return white_of_axes(3 * alike + color, color)
+            share, doubt, single = self.share[:, 0], self.doubt[:, 0], self.single[:, 0]
+            of = (self.sure[np.unique(self.sure.argmax(1))] > 0).T  # (m, strokes)
+            sizes = share * np.sqrt(np.diag(self.tinted)), np.sqrt(np.diag(self.sure))
+            alike = np.outer(share, share) * self.shared + np.outer(doubt, doubt) + np.diag(self.grey * single)
+            own = (1 - self.grey) * single + self.unsaid[:, 0]
+            return white_of_parts(alike, own, np.concatenate([x[:, None] * of for x in sizes], 1))
         return White(None, None, inverse_root(self.covariance))
 
     @property
