@@ -225,6 +225,18 @@ def test_many_dabs_share_the_rays_of_few(device: Device) -> None:
     assert len(np.unique(e.dab_of_sample[e.background_sample])) == 32 < len(e.target)
 
 
+@pytest.mark.parametrize("kind", ["rect", "dome"])
+def test_each_of_many_dabs_has_its_light(device: Device, kind: str) -> None:
+    """Of 120 dabs, which share the rays of 32: nearer to quadrature than a light field is right, which is 1 %."""
+    light = Light("/l", "dome", (1.0, 2.0, 3.0), np.eye(4)) if kind == "dome" else light_of(kind)
+    u, v = (x.ravel() for x in np.meshgrid(np.linspace(0, 0.15, 15), np.linspace(-0.03, 0.08, 8)))
+    e = evidence_of(ground(device, (light,)), stroke_at(list(zip(u, v, 0 * u)), width=0.02))
+    for j in (1, 3, 7, 13):
+        expected = expected_columns(e, "preview_surface", LEVELS[j], kind)[:, [0, 2]]
+        off = by_dab(e, e.columns[:, j])[:, [0, 2], 0] / expected - 1
+        assert np.sqrt((off**2).mean(0)).max() < 0.01 and np.abs(off.mean(0)).max() < 0.005, (LEVELS[j], off)
+
+
 def test_light_that_is_known_to_arrive_gives_the_same_columns(device: Device) -> None:
     made = ground(device, (light_of("rect"),))
     samples, rows = gather_samples(
