@@ -8,13 +8,12 @@ from __future__ import annotations
 import logging
 import subprocess
 import sys
-import threading
-import time
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 import pytest
+from kit.other_threads import waits_during
 from numpy.typing import NDArray
 
 from usdslf import embree
@@ -40,26 +39,6 @@ def own_commit(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(embree, "_said", {"as the test wants it"})
 
 
-def longest_share(build: Callable[[], object]) -> float:
-    """How much of a call's time was the longest in which another thread that wakes each millisecond did not run."""
-    woke, is_done = [time.perf_counter()], threading.Event()
-
-    def wake() -> None:
-        while not is_done.is_set():
-            time.sleep(0.001)
-            woke.append(time.perf_counter())
-
-    other = threading.Thread(target=wake)
-    other.start()
-    began = time.perf_counter()
-    build()
-    ended = time.perf_counter()
-    is_done.set()
-    other.join()
-    at = np.clip(woke, began, ended)
-    return float(np.diff(at).max() / (ended - began))
-
-
 @pytest.mark.parametrize("is_own", [False, True])
 def test_others_use_python_while_the_tree_is_built(is_own: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     device = embree.EmbreeDevice()
@@ -70,7 +49,8 @@ def test_others_use_python_while_the_tree_is_built(is_own: bool, monkeypatch: py
         scene = embree.EmbreeScene(device)
         for _ in embree._hand_over(scene, corners):
             pass
-        shares.append(longest_share(lambda scene=scene: embree._build(scene, device)))  # type: ignore[misc]
+        longest, whole = waits_during(lambda scene=scene: embree._build(scene, device))  # type: ignore[misc]
+        shares.append(longest / whole)
         if shares[-1] < MOST:
             break
     assert min(shares) > 0.9 if is_own else min(shares) < MOST, shares

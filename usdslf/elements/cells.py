@@ -9,6 +9,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from usdslf.runs import first_places, numbered
+
 ENTRIES_PER_SPACING = 3.0  # cells that are closer may share their entry
 SLIVER = 4096  # cells that a triangle may have whatever its area
 MOST_CELLS = 500_000  # beside one for each triangle
@@ -81,8 +83,8 @@ def share_cells(
     key = owner.astype(np.int64).astype(np.uint64)
     for column in (*box.T, *turn.T):
         key = key * np.uint64(0x9E3779B97F4A7C15) + column.astype(np.uint64)
-    _, first, entry = np.unique(key, return_index=True, return_inverse=True)
-    return first, entry.astype(np.uint32)
+    names, entry = numbered(key)
+    return first_places(entry, len(names)), entry.astype(np.uint32)
 
 
 def interpolate(corners: NDArray, triangle: NDArray, bary: NDArray) -> NDArray[np.float64]:

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from usdslf.elements.reachability import CANDIDATE_ROUNDS, PROBE_ROUNDS, find_reached_points, share_of_reached
 from usdslf.errors import StageError
 from usdslf.progress import tell
+from usdslf.runs import numbered
 from usdslf.sampling.blue_noise import choose_blue_noise, surface_coordinates
 from usdslf.sampling.frames import tangents
 from usdslf.sampling.nearest import tree_of
@@ -171,14 +172,14 @@ def find_parts(scene: Scene, area: NDArray, count: int) -> I32:
     table = scene.triangles
     materials = len(scene.materials) + 1
     key = table.mesh.astype(np.int64) * materials + table.material
-    names, part = np.unique(key, return_inverse=True)
+    names, part = numbered(key)
     own = max(count // 4, 1)
     if len(names) > own:
         area_of_part = np.bincount(part, area)
         small = np.argsort(-area_of_part, kind="stable")[own:]
         names = names.copy()
         names[small] = -1 - names[small] % materials
-        part = np.unique(names[part], return_inverse=True)[1]
+        part = numbered(names[part])[1]
     return part.astype(np.int32)
 
 

@@ -23,6 +23,7 @@ from usdslf.geometry.subdivision import (
     refined_faces,
 )
 from usdslf.geometry.triangulation import triangulate
+from usdslf.runs import owners
 from usdslf.scene.arrays import cross
 from usdslf.scene.records import F32, F64, I32
 
@@ -109,7 +110,7 @@ def build_shape(polygons: Polygons, refine: int = 1, faces_max: int = REFINED_FA
     corners, net_face, _ = triangulate(points, net.counts, net.indices)
     authored = face[net_face]
     start = np.flatnonzero(np.diff(authored, prepend=-1))
-    within = np.arange(len(authored)) - np.repeat(start, np.diff(np.append(start, len(authored))))
+    within = np.arange(len(authored)) - start[owners(np.diff(np.append(start, len(authored))))]
     keep = np.ones(len(corners), bool)
     if polygons.holes is not None:
         keep &= ~np.isin(authored, polygons.holes)
@@ -123,13 +124,15 @@ def build_shape(polygons: Polygons, refine: int = 1, faces_max: int = REFINED_FA
     triangles = net.indices[corners]
     p = points[triangles]
     flat = _unit(cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]))
-    shading = np.repeat(flat[:, None], 3, axis=1) if normals is None else normals[corners]
-    square = np.einsum("tci,tci->tc", shading, shading)[..., None]
-    good = np.isfinite(square) & (square > 0)
+    shading = np.broadcast_to(flat[:, None], (*corners.shape, 3)).copy()
+    if normals is not None:
+        told = normals[corners]
+        square = np.einsum("tci,tci->tc", told, told)[..., None]
+        shading = np.where(np.isfinite(square) & (square > 0), told, shading)
     return Shape(
         positions=points,
         triangles=triangles.astype(np.int32),
-        corner_normals=np.where(good, shading, flat[:, None]),
+        corner_normals=shading,
         face=authored[keep].astype(np.int32),
         within=within[keep].astype(np.int32),
         primvars={n: _of_corners(v, net, corners, net_face, triangles) for n, v in primvars.items()},
@@ -267,12 +270,13 @@ def _normals(polygons: Polygons, net: Net, points: F64, levels: int) -> F64 | No
 def _of_corners(v: Values, net: Net, corners: I64, face: I64, triangles: I64) -> F32:
     """Values of triangle corners (T, 3, k)."""
     if v.interpolation == "uniform":
-        out = np.repeat(v.flat[face][:, None], 3, axis=1)
+        of_face = v.flat[face][:, None]
+        out = np.broadcast_to(of_face, (len(face), 3, *of_face.shape[2:]))
     elif v.interpolation == "faceVarying":
         out = v.flat[corners]
     else:
         out = v.flat[triangles]
-    return out.astype(np.float32)
+    return out.astype(np.float32, order="C")
 
 
 def _only_triangles(polygons: Polygons) -> Polygons:

@@ -18,6 +18,8 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from usdslf.runs import numbered, owners
+from usdslf.scene.arrays import distinct
 from usdslf.scene.records import F64
 
 I64 = NDArray[np.int64]
@@ -47,14 +49,14 @@ class Links:
     def __init__(self, counts: I64, indices: I64, vertex_count: int) -> None:
         corner = np.arange(len(indices))
         self.first = np.concatenate([[0], np.cumsum(counts)[:-1]]).astype(np.int64)
-        self.face = np.repeat(np.arange(len(counts)), counts)  # (C,)
+        self.face = owners(counts)  # (C,)
         last = self.first + counts - 1
         self.next = corner + 1
         self.next[last] = self.first
         self.previous = corner - 1
         self.previous[self.first] = last
         a, b = indices, indices[self.next]
-        key, self.edge = np.unique(np.minimum(a, b) * vertex_count + np.maximum(a, b), return_inverse=True)
+        key, self.edge = numbered(np.minimum(a, b) * vertex_count + np.maximum(a, b))
         self.ends = np.stack([key // vertex_count, key % vertex_count], axis=1)  # (E, 2)
         self.faces_of_edge = np.bincount(self.edge, minlength=len(key))  # (E,) how many
 
@@ -114,7 +116,7 @@ def face_varying_net(net: Net, indices: I64, count: int, rule: str) -> Net:
         out.vertex_sharpness[uses == 1] = np.inf
     if rule in ("cornersPlus1", "cornersPlus2"):
         # Junctions: vertices where three and more values meet.
-        pairs = np.unique(net.indices * np.int64(count) + indices) // count
+        pairs = distinct(net.indices * np.int64(count) + indices) // count
         junction = np.bincount(pairs, minlength=net.vertex_count) >= 3
         out.vertex_sharpness[indices[junction[net.indices]]] = np.inf
     if rule == "boundaries":

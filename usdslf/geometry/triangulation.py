@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from usdslf.runs import owners
 from usdslf.sampling.frames import tangents
 from usdslf.scene.arrays import cross, distinct
 from usdslf.scene.records import F64
@@ -32,9 +33,9 @@ def triangulate(points: F64, counts: I64, indices: I64) -> tuple[I64, I64, I64]:
     """
     first = np.concatenate([[0], np.cumsum(counts)[:-1]]).astype(np.int64)
     number = counts - 2
-    face = np.repeat(np.arange(len(counts)), number)
+    face = owners(number)
     start = np.concatenate([[0], np.cumsum(number)[:-1]]).astype(np.int64)
-    within = np.arange(len(face)) - np.repeat(start, number)
+    within = np.arange(len(face)) - start[face]
     base = first[face]
     corners = np.stack([base, base + within + 1, base + within + 2], axis=1)
 

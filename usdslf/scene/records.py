@@ -15,6 +15,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from usdslf.runs import owners
 from usdslf.scene.arrays import cross
 
 F32 = NDArray[np.float32]
@@ -276,7 +277,7 @@ class Scene:
         return Triangles(
             positions=cat([m.positions[m.triangles] for m in ms], (0, 3, 3), np.float32),
             normals=cat([m.corner_normals for m in ms], (0, 3, 3), np.float32),
-            mesh=np.repeat(np.arange(len(ms), dtype=np.int32), count),
+            mesh=owners(np.asarray(count)).astype(np.int32),
             material=cat([m.material_of_triangle for m in ms], (0,), np.int32),
             face=cat([m.face_of_triangle for m in ms], (0,), np.int32),
             first_of_mesh=np.concatenate([[0], np.cumsum(count)]).astype(np.int32),

@@ -15,6 +15,7 @@ from pxr import Usd, UsdGeom
 
 from usdslf.geometry.shape import REFINED_FACES_MAX, Polygons, Shape, build_shape, fingerprint, place
 from usdslf.progress import tell, tell_during
+from usdslf.scene.arrays import distinct
 from usdslf.scene.records import F32, F64, I32, Mesh
 from usdslf.usd.binding import bound_material
 from usdslf.usd.notes import Notes
@@ -259,7 +260,7 @@ def _materials(
         indices = np.asarray(subset.GetIndicesAttr().Get(time) or [], np.int64)
         if len(indices) and indices.min() < 0:
             notes.add("the GeomSubset {} has negative indices; they are passed over", subset.GetPath())
-        faces_of.append(np.unique(indices[(indices >= 0) & (indices < count)]))
+        faces_of.append(distinct(indices[(indices >= 0) & (indices < count)]))
     order = list(range(len(binding)))
     if np.bincount(np.concatenate(faces_of), minlength=1).max() > 1:
         # Where subsets overlap the first one wins, but for those that bind nothing of their own.

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from pxr import Usd, UsdGeom
 
 from usdslf.geometry.shape import Polygons
+from usdslf.runs import owners
 from usdslf.scene.records import F64
 from usdslf.usd.notes import Notes
 from usdslf.usd.read.primvars import Primvars, numbers, read_normals, read_primvars
@@ -106,7 +107,7 @@ def _scheme(mesh: UsdGeom.Mesh, time: Usd.TimeCode, counts: I64, notes: Notes) -
 
 def _drawable(mesh: UsdGeom.Mesh, points: F64, counts: I64, indices: I64, notes: Notes) -> tuple[F64, I64, I64]:
     """Points with those that are not finite at zero, and the faces and corners that are drawn without these."""
-    face_of_corner = np.repeat(np.arange(len(counts)), counts)
+    face_of_corner = owners(counts)
     finite: NDArray[np.bool_] = np.asarray(np.isfinite(points).all(1))
     bad: NDArray[np.bool_] = np.bincount(face_of_corner[~finite[indices]], minlength=len(counts)) > 0
     if bad.any():
