@@ -168,3 +168,10 @@ def test_the_built_in_viewport_shows_the_same_from_the_same_camera(work: Picture
         # The lit side's rim is the ball's; where the other side turns dark is the renderer's affair.
         rims.append((np.flatnonzero(green.any(1))[0], np.flatnonzero(green.any(0))[-1]))
     assert np.abs(np.subtract(*rims)).max() <= 1
+
+
+def test_two_viewports_never_draw_at_the_same_time(display: dict[str, str], tmp_path: Path) -> None:
+    """Storm crashes where two of them are drawn on two threads at once."""
+    two = run_kit("hydra_two.py", "two.npz", display, tmp_path)
+    assert not two["failed"].size and two["threads"] == 2 and two["drawn"].min() >= 6
+    assert two["most"] == 1
