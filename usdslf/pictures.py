@@ -82,6 +82,8 @@ def live_picture(
     if look is not None:
         shot = shot.edited(_path_of(look))
     with built_ahead(shot.device_name, shot.model):
+        if shot.kept:
+            shot.kept.name_all()
         shot.later_tracer.begin()
         view = camera if isinstance(camera, Camera) else shot.camera(camera)
         lit, lights = shot.lit, shot.light_set

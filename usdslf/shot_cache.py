@@ -72,6 +72,11 @@ class ShotCache:
     count: int
     _names: dict[str, Any] = field(default_factory=dict, repr=False)
 
+    def name_all(self) -> None:
+        """Reads what names parts: many small reads, each of which may wait 5 ms for Python's lock beside a thread."""
+        program_code()
+        self._appearance  # noqa: B018
+
     def elements(self, compute: Callable[[], Elements]) -> Elements:
         """Returns the elements of the shot."""
         found = self._kept("elements", lambda: _arrays_of(compute()), self._appearance, self.count)
