@@ -97,12 +97,6 @@ class RayTracer:
         other._set_materials(scene)
         return other
 
-    def alone(self) -> RayTracer:
-        """Returns the same tracer for a caller that shares out the work: it traces on the calling thread."""
-        other = copy(self)
-        other.threads, other._whose = 1, self._whose or self
-        return other
-
     def intersect(self, origins: NDArray, directions: NDArray, stop_at_translucent: bool = False) -> Hits:
         """Finds the first surface along each ray.
 

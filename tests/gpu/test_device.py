@@ -94,20 +94,3 @@ def test_who_lets_an_array_go_does_not_wait_and_who_takes_its_memory_does() -> N
     gate.set_status(cl.command_execution_status.COMPLETE)
     taking.join(60)
     assert taken[0].host.ctypes.data == address
-
-
-def test_a_queue_beside_waits_for_nothing_of_the_first() -> None:
-    """What is to wait for a word stays in the first queue, while the other one comes to its end."""
-    device = Device(open_device().context)
-    other = device.beside(1)
-    word = cl.UserEvent(device.context)
-    cl.enqueue_barrier(device.queue, [word])
-    held = cl.enqueue_marker(device.queue)
-    numbers = np.arange(7, dtype=np.float32)
-    try:
-        assert np.array_equal(other.download(other.upload(numbers)), numbers)
-        assert held.command_execution_status != cl.command_execution_status.COMPLETE
-    finally:
-        word.set_status(cl.command_execution_status.COMPLETE)
-    device.finish()
-    assert device.beside(1) is other and device.beside(0) is not other

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
@@ -36,16 +35,14 @@ class RecordingTracer(RayTracer):
         self.kept: list[tuple[bool, tuple[NDArray, ...]]] = []
         self.every, self.calls = every, [0, 0]
         self.rays, self.rays_kept = [0, 0], [0, 0]  # occluded, intersected
-        self.noting = threading.Lock()  # of all that trace at the same time
 
     def _note(self, is_whole: bool, rays: Any) -> None:
         count = int(np.count_nonzero(rays[2] > 0))
-        with self.noting:
-            self.rays[is_whole] += count
-            if self.calls[is_whole] % self.every == 0:
-                self.rays_kept[is_whole] += count
-                self.kept.append((is_whole, tuple(a.copy() for a in rays)))
-            self.calls[is_whole] += 1
+        self.rays[is_whole] += count
+        if self.calls[is_whole] % self.every == 0:
+            self.rays_kept[is_whole] += count
+            self.kept.append((is_whole, tuple(a.copy() for a in rays)))
+        self.calls[is_whole] += 1
 
     def intersect_into(self, rays: Any, found: Any, stop_at_translucent: bool = False) -> None:
         self._note(True, rays)

@@ -62,20 +62,9 @@ class Device:
         self._mapping = cl.CommandQueue(context)  # of new arrays, which wait for nothing
         self._programs = programs or Programs()
         self._kernels: dict[tuple, Kernel] = {}
-        self._beside: list[Device] = []
         self.moved = 0  # bytes between host and device so far, by `upload` and `download`
         self.memory = int(self._info.global_mem_size)
         self.largest_array = int(self._info.max_mem_alloc_size)
-
-    def beside(self, number: int) -> Device:
-        """Returns the same device with a queue of its own, for a thread that is not to wait for what others enqueue.
-
-        Args:
-            number: of it, from 0; each stays, and with it memory that is used again.
-        """
-        while len(self._beside) <= number:
-            self._beside.append(Device(self.context, self._programs))
-        return self._beside[number]
 
     @property
     def _info(self) -> Any:

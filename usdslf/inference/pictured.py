@@ -59,4 +59,4 @@ class Pictured:
         specular = rows.copy()
         specular[:, r.SRC_DIFFUSE] = rows[:, r.SRC_SPECULAR]
         sources = geometry.device.upload(rows), geometry.device.upload(specular)
-        return Pictured(tracer, field, lights, LiveScene(geometry, table, light), PathRoom(geometry.device), sources)
+        return Pictured(tracer, field, lights, LiveScene(geometry, table, light), PathRoom(geometry), sources)

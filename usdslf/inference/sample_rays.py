@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from usdslf.gpu.launch import GROUP, groups
 from usdslf.inference.pictured import Pictured
 from usdslf.progress import tell
-from usdslf.render.live.gather import RAYS, follow
+from usdslf.render.live.gather import BATCH, follow
 from usdslf.render.live.scene import Shadows
 from usdslf.sampling.low_discrepancy import random_shifts, sobol_points
 from usdslf.surfaces.reflectance import lobe_parameter
@@ -114,14 +114,14 @@ def trace_rays(p: Points, t: Trace) -> RayLight:
     weight_d = upload(p.weight)
     u_d = upload(np.concatenate([_points_of_dabs(int(c), p.dab, t.rng) for c in t.counts], 1))
     with t.light.room.lock:
-        step = max(RAYS // t.rays, 1)
+        step = max(2 * BATCH // t.rays, 1)
         for first in range(0, s, step):
             _trace_rays(out, (first, min(step, s - first)), places, u_d, weight_d, t)
             tell()
     if per_sample:
         us = [_points_of_dabs(n, p.dab, t.rng) for _, n, k in t.drawn.tolist() if k == 0]
         u_d, place_d = upload(np.concatenate(us, 1)), device.upload(_places_of_dabs(p.dab))
-        step = max(RAYS // per_sample, 1)
+        step = max(2 * BATCH // per_sample, 1)
         for first in range(0, s, step):
             _trace_lights(out, (first, min(step, s - first)), (*places, u_d, place_d), weight_d, t)
             tell()

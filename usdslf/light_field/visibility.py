@@ -30,7 +30,6 @@ if TYPE_CHECKING:
     from usdslf.gpu.device import Device
 
 BATCH = 16  # elements whose rays are traced and looked up at once: all of it stays in the second-level cache
-KERNELS = ("rays_of_bins", "entries_of_hits", "nearest_of_hits", "pack_hits")
 
 Wanted = Callable[[slice], NDArray]
 """rows of elements -> which of their bins (n, D)."""
@@ -92,10 +91,9 @@ def rays_of_bins(elements: Elements, tracer: RayTracer, device: Device, rows: sl
 
 
 class _Room:
-    """Arrays of a batch of rays, and of what they hit, and the kernels that work in them."""
+    """Arrays of a batch of rays, and of what they hit."""
 
     def __init__(self, device: Device, count: int) -> None:
-        self.kernels = {name: device.kernel("visibility", name) for name in KERNELS}
         make = lambda shape, dtype=np.float32: Shared(device, shape, dtype, is_clean=False)  # noqa: E731
         self.ray, self.origin, self.direction = make((count,), np.uint32), make((count, 3)), make((count, 3))
         self.triangle, self.u, self.v = make((count,), np.int32), make((count,)), make((count,))
@@ -115,6 +113,7 @@ class _RayMaker:
         start = tracer.offset_points(elements.position, elements.geometric_normal, elements.triangle)
         of_elements = bin_directions().astype(np.float32), start, elements.geometric_normal, elements.frame
         self._of_elements_d = [device.upload(a) for a in of_elements]
+        self._kernel = device.kernel("visibility", "rays_of_bins")
 
     def make(self, rays: slice | NDArray[np.uint32], room: _Room) -> int:
         """Makes rays of bins, numbered by element * D + bin, in a room; returns how many."""
@@ -122,7 +121,7 @@ class _RayMaker:
         count = len(numbers)
         room.ray.host[:count] = numbers
         room.ray.push()
-        room.kernels["rays_of_bins"](
+        self._kernel(
             groups(count), (GROUP,), np.uint32(count), room.ray, np.float32(LEAST_COSINE),
             *self._of_elements_d, room.origin, room.direction,
         )  # fmt: skip
@@ -139,9 +138,9 @@ class _Seer:
     ) -> None:  # fmt: skip
         self._maker, self._tracer, self._tables = _RayMaker(elements, tracer, device), tracer, lookup.upload(device)
         self._rooms: SimpleQueue[_Room] = SimpleQueue()
-        for number in range(workers):  # each with a queue of its own: none waits for what others enqueue
-            self._rooms.put(_Room(device.beside(number), BATCH * D))
-        device.finish()
+        for _ in range(workers):
+            self._rooms.put(_Room(device, BATCH * D))
+        self._kernels = [device.kernel("visibility", k) for k in ("entries_of_hits", "nearest_of_hits", "pack_hits")]
 
     def see(self, rays: slice | NDArray[np.uint32], hit: NDArray) -> int:
         """Writes links of rays (BATCH * D at most), numbered by element * D + bin; returns how many."""
@@ -160,7 +159,7 @@ class _Seer:
             self._rooms.put(room)
 
     def _name(self, room: _Room, count: int) -> None:
-        entries_of_hits, nearest_of_hits, pack_hits = (room.kernels[name] for name in KERNELS[1:])
+        entries_of_hits, nearest_of_hits, pack_hits = self._kernels
         t, size, n = self._tables, (groups(count), (GROUP,)), np.uint32(count)
         entries_of_hits(
             *size, n, room.direction, room.triangle, room.u, room.v, t.face_normal_d, t.cells_of_triangle_d,

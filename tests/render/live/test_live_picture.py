@@ -17,7 +17,7 @@ from reference import lights as closed
 from reference.reflectance import albedo, preview_surface
 
 import usdslf.render.live.gather as gather_module
-import usdslf.render.live.rooms as rooms_module
+import usdslf.render.live.picture as picture_module
 from usdslf.errors import InputError
 from usdslf.gpu.device import Device, Kernel
 from usdslf.progress import Cancelled, hearing
@@ -246,7 +246,7 @@ def test_a_change_of_colour_gathers_nothing(table: LitScene, monkeypatch: pytest
     def fail(*_: object) -> None:
         raise AssertionError("light is gathered")
 
-    monkeypatch.setattr(rooms_module, "gather_batch", fail)
+    monkeypatch.setattr(picture_module, "gather_batch", fail)
     edited = picture.with_materials(changed(table, 0, diffuse_color=constant(0.1, 0.6, 0.2)))
     assert edited.gather_frame(3)
     frame = edited.now()
@@ -293,8 +293,8 @@ def test_textures_on_the_device_show_as_those_on_the_host(
 
 
 def test_a_frame_that_is_cancelled_goes_on_where_it_was(table: LitScene, monkeypatch: pytest.MonkeyPatch) -> None:
-    for module in (gather_module, rooms_module):
-        monkeypatch.setattr(module, "BATCH", 128)
+    for module in (gather_module, picture_module):
+        monkeypatch.setattr(module, "BATCH", 256)
     whole, broken = live(table, CAMERA), live(table, CAMERA)
     expected = after(whole, 3)
     told = 0

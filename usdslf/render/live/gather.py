@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdslf.elements.lookup import BLEND
-from usdslf.gpu.device import Device
 from usdslf.gpu.launch import GROUP, groups
 from usdslf.gpu.shared import Shared
 from usdslf.render.guide import SHARE
@@ -26,7 +25,6 @@ SHARED_FRAMES = 4  # in which all tiles draw the same numbers, so that filtered 
 CHOICES = 16  # sets of numbers of specular lobes, of which one is taken
 SHARED_SIZES = (16, 32, 64, 128, 256, 512)  # numbers that the samples of a tile may share
 BATCH = 1 << 16  # rows that are gathered at once
-RAYS = 1 << 17  # that a room for paths has place for
 
 
 class Columns:
@@ -39,42 +37,38 @@ class Columns:
 
 
 class PathRoom:
-    """Room for rays, and for following some of them."""
+    """Room for 2 * BATCH rays, and for following some of them."""
 
-    def __init__(self, device: Device, rays: int = RAYS) -> None:
+    def __init__(self, geometry: Geometry) -> None:
+        device = geometry.device
         self.lock = threading.RLock()  # of all that works with it
-        make = lambda shape, dtype=np.float32: Shared(device, shape, dtype, is_clean=False)  # noqa: E731
-        self.lobes, self.paths = Hits(device, rays), Hits(device, rays)
-        self.path_shadows = Shadows(device, rays)
-        self.arrived, self.surface = make((rays, 8)), make((rays, r.SURFACE))
-        self.state, self.path_state = make((rays, r.PATH)), make((rays, r.PATH))
-        self.more_paths, self.more_state = Hits(device, rays), make((rays, r.PATH))
-        self.entry, self.weight = make((rays,), np.uint32), make((rays, BLEND))
-        self.elements = make((rays, BLEND), np.uint32)
-        self.followed, self.who = make((rays,), np.uint8), make((rays,), np.int32)
-        self.all = counting(device, rays)
+        make = lambda shape, dtype=np.float32: Shared(device, shape, dtype)  # noqa: E731
+        self.lobes, self.paths = Hits(device, 2 * BATCH), Hits(device, 2 * BATCH)
+        self.path_shadows = Shadows(device, 2 * BATCH)
+        self.arrived, self.surface = make((2 * BATCH, 8)), make((2 * BATCH, r.SURFACE))
+        self.state, self.path_state = make((2 * BATCH, r.PATH)), make((2 * BATCH, r.PATH))
+        self.more_paths, self.more_state = Hits(device, 2 * BATCH), make((2 * BATCH, r.PATH))
+        self.entry, self.weight = make((2 * BATCH,), np.uint32), make((2 * BATCH, BLEND))
+        self.elements = make((2 * BATCH, BLEND), np.uint32)
+        self.followed, self.who = make((2 * BATCH,), np.uint8), make((2 * BATCH,), np.int32)
+        self.all = counting(device, 2 * BATCH)
 
 
 class GatherRoom(PathRoom):
-    """Room for gathering a batch of rows."""
+    """Room for gathering a batch of rows, and the numbers that frames are drawn by."""
 
-    def __init__(self, device: Device, streams: int) -> None:
-        """Makes room for BATCH rows and their rays, with so many rays of each towards sources."""
-        super().__init__(device, 2 * BATCH)
-        make = lambda shape, dtype=np.float32: Shared(device, shape, dtype, is_clean=False)  # noqa: E731
+    def __init__(self, geometry: Geometry) -> None:
+        """Makes room for BATCH rows and their rays."""
+        super().__init__(geometry)
+        device, streams = geometry.device, geometry.sources.streams
+        self._device, self._streams = device, streams
+        make = lambda shape, dtype=np.float32: Shared(device, shape, dtype)  # noqa: E731
         self.to_sources = Shadows(device, max(streams, 1) * BATCH)
         self.shone, self.drawn = make((max(streams, 1) * BATCH, 8)), make((2 * BATCH, r.DRAWN_RAY))
         self.rows = make((BATCH,), np.uint32)
-
-
-class Numbers:
-    """The numbers that frames are drawn by."""
-
-    def __init__(self, geometry: Geometry) -> None:
-        self._device, self._streams = geometry.device, geometry.sources.streams
         self._numbers: tuple[tuple[int, int, bool], Any] = ((-1, 0, False), None)
 
-    def of(self, draw: Draw) -> Any:
+    def numbers(self, draw: Draw) -> Any:
         """Returns numbers (streams + 2, draw.count, 4) of [0, 1)."""
         key = draw.turn, draw.count, draw.is_scrambled
         if self._numbers[0] != key:
@@ -132,22 +126,16 @@ def _even_tailed(draw: Draw) -> NDArray[np.uint32]:
     return chosen
 
 
-Add = Callable[[LiveScene, GatherRoom, int, int], None]
-"""What is done with what has come to a room: of how many rows, for which of the frames that are asked for."""
-
-
 def gather_batch(
-    scene: LiveScene, room: GatherRoom, part: Rows, rows: NDArray[np.uint32], drawn: tuple[Draw, Any], add: Add,
-    frame: int = 0,
-) -> None:  # fmt: skip
+    scene: LiveScene, room: GatherRoom, part: Rows, rows: NDArray[np.uint32], draw: Draw, add: Callable[[int], None]
+) -> None:
     """Gathers one ray towards each source, and one of each lobe, for some rows of a part.
 
     Args:
         rows: (n,) of the part, BATCH at most; they stand in the room's.
-        drawn: which numbers they take, and these.
-        add: what is done with what was gathered, for this frame.
+        draw: which numbers they take.
+        add: what is done with what has come to the room, of the first n.
     """
-    draw, numbers = drawn
     g = scene.geometry
     count, streams = len(rows), g.sources.streams
     room.rows.host[:count] = rows
@@ -158,7 +146,7 @@ def gather_batch(
     g.kernel("live_gather", "draw_first")(
         groups(count), (GROUP,), n, room.rows, np.uint32(draw.count), np.uint32(draw.stride), np.uint32(draw.shift),
         np.uint32(draw.flip), np.uint32(draw.near_mask), np.uint32(draw.turn % r.ROUNDS), np.int32(draw.is_shared),
-        sends_diffuse, part.surface, part.place, part.sharp_place, part.identity, numbers,
+        sends_diffuse, part.surface, part.place, part.sharp_place, part.identity, room.numbers(draw),
         *shared, scene.light.guide_d, g.tables.frames_d, np.float32(SHARE), *room.to_sources.arguments, room.shone,
         lobes.origin, lobes.direction, lobes.length, room.drawn,
     )  # fmt: skip
@@ -173,7 +161,7 @@ def gather_batch(
         room.entry, room.elements, room.weight, n, room.rows, part.identity, room.arrived, room.state, room.followed,
     )  # fmt: skip
     follow(scene, room, sent, draw.depth, draw.seed)
-    add(scene, room, count, frame)
+    add(count)
     g.device.finish()  # before the room is written to again
 
 
@@ -191,14 +179,16 @@ def _find_elements(scene: LiveScene, room: GatherRoom, sent: int, may_follow: bo
     )  # fmt: skip
 
 
-def add_frame(part: Rows, columns: Columns, sends_diffuse: bool) -> Add:
-    """Returns what adds a frame to the columns of the rows that stand in a room."""
+def add_frame(
+    scene: LiveScene, room: GatherRoom, part: Rows, columns: Columns, sends_diffuse: bool
+) -> Callable[[int], None]:
+    """Returns what adds a frame to the columns of the rows that stand in the room."""
+    g, lobes = scene.geometry, room.lobes
 
-    def add(scene: LiveScene, room: GatherRoom, count: int, _: int) -> None:
-        g = scene.geometry
+    def add(count: int) -> None:
         g.kernel("live_gather", "add_frame")(
             groups(count), (GROUP,), np.uint32(count), room.rows, np.int32(g.sources.streams), np.int32(sends_diffuse),
-            part.surface, room.to_sources.length, room.to_sources.blocked, room.shone, room.lobes.length, room.drawn,
+            part.surface, room.to_sources.length, room.to_sources.blocked, room.shone, lobes.length, room.drawn,
             room.arrived, scene.light.arriving_d, columns.sums, columns.moments,
         )  # fmt: skip
 

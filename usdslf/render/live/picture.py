@@ -12,9 +12,9 @@ Source: Nguyen et al. 2013, 6.4; Keller and Heidrich 2001 (interleaved sampling)
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from itertools import takewhile
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,12 +24,12 @@ from usdslf.gpu.launch import GROUP, groups
 from usdslf.gpu.shared import Shared
 from usdslf.light_field.light_field import LightField
 from usdslf.lights.sources import LightSet, SurfaceEmission
+from usdslf.progress import tell
 from usdslf.render.live import records as r
 from usdslf.render.live.closer import look_closer
-from usdslf.render.live.gather import Draw, add_frame
+from usdslf.render.live.gather import BATCH, Draw, GatherRoom, add_frame, gather_batch
 from usdslf.render.live.gathered import BORDER, Gathered, Group, Share, fewest_frames
 from usdslf.render.live.materials import MaterialTable
-from usdslf.render.live.rooms import GatherRooms
 from usdslf.render.live.scene import Geometry, LiveScene, SentLight
 from usdslf.render.live.view import View, Window, look
 from usdslf.render.settings import LitScene
@@ -96,7 +96,7 @@ class LivePicture:
     scene: LiveScene
     view: View
     _region: Window
-    _rooms: GatherRooms = field(repr=False)
+    _room: GatherRoom = field(repr=False)
     _gathered: Gathered = field(repr=False)
     _shares: Mapping[int, Share] = field(repr=False)
     _hides_lights: bool = False
@@ -125,10 +125,10 @@ class LivePicture:
         geometry = Geometry.of(lit.device, lit.scene, lit.tracer, lights, lit.light_field)
         materials = MaterialTable.of(geometry.pool, lit.scene.materials)
         scene = LiveScene(geometry, materials, SentLight.of(geometry, lit.light_field, None, lit.keep_sums))
-        return LivePicture._start(scene, _Framed(camera, size, region), GatherRooms(geometry), hide_lights)
+        return LivePicture._start(scene, _Framed(camera, size, region), GatherRoom(geometry), hide_lights)
 
     @staticmethod
-    def _start(scene: LiveScene, seen: _Framed, room: GatherRooms, hide_lights: bool) -> LivePicture:
+    def _start(scene: LiveScene, seen: _Framed, room: GatherRoom, hide_lights: bool) -> LivePicture:
         region = seen.window()
         with room.lock:
             view = look(scene, seen.camera, seen.size, region.with_border(BORDER, seen.size), hide_lights)
@@ -150,7 +150,7 @@ class LivePicture:
         Raises: InputError for a size or a region that cannot be.
         """
         seen = _Framed(camera, size or self.view.size, region)
-        return LivePicture._start(self.scene, seen, self._rooms, self._hides_lights)
+        return LivePicture._start(self.scene, seen, self._room, self._hides_lights)
 
     def with_materials(self, materials: Sequence[Material], light: LightField | None = None) -> LivePicture:
         """Returns the picture under other materials.
@@ -179,13 +179,13 @@ class LivePicture:
             seen = _Framed(
                 self.view.camera, self.view.size, (left, top, left + self._region.width, top + self._region.height)
             )
-            room = self._rooms if geometry.sources.streams == scene.geometry.sources.streams else GatherRooms(geometry)
+            room = self._room if geometry.sources.streams == scene.geometry.sources.streams else GatherRoom(geometry)
             begun = LivePicture._start(other, seen, room, self._hides_lights)
             return replace(begun, is_begun_anew=True)
         shares = {m: share for m, share in self._shares.items() if before.gloss[m] == table.gloss[m]}
         gathered = self._gathered
         if light is not None:
-            with self._rooms.lock:
+            with self._room.lock:
                 self._show()
                 gathered.average(self.view)
                 gathered, shares = Gathered(other, gathered.kept_as_former(shares, self.view)), {}
@@ -231,7 +231,7 @@ class LivePicture:
             count: frames.
             region: as of `frames`.
         """
-        with self._rooms.lock:
+        with self._room.lock:
             self._show()
             asked = self._asked(region)
             if 0 < (fewest_frames(asked) or 0) < count and not self.view.is_close:
@@ -269,18 +269,28 @@ class LivePicture:
         for group in chosen:
             self._gathered.stale[group.part].append(group.rows)
         for p, part in enumerate(self.view.parts):
-            waiting = [g for g in chosen if g.part == p]
-            if not waiting:
-                continue
-            draw = Draw.of_live(waiting[0].frames, self.scene.geometry.sources.has_even_dome)
-            add = add_frame(part, self._gathered.columns[p], draw.sends_diffuse)
-            batches = self._rooms.batches(np.concatenate([g.rows[g.begun :] for g in waiting]))
-            done: set[int] = set()
-            try:
-                self._rooms.gather(self.scene, part, batches, [draw], add, done.add)
-            finally:
-                first_ones = takewhile(lambda nth: nth in done, range(len(batches)))  # noqa: B023
-                _advance(waiting, sum(len(batches[nth]) for nth in first_ones))
+            waiting = deque(g for g in chosen if g.part == p)
+            while waiting:
+                batch: list[tuple[Group, int]] = []
+                space = BATCH
+                for group in waiting:
+                    count = min(space, len(group.rows) - group.begun)
+                    batch.append((group, count))
+                    space -= count
+                    if not space:
+                        break
+                rows = np.concatenate([g.rows[g.begun : g.begun + n] for g, n in batch])
+                draw = Draw.of_live(batch[0][0].frames, self.scene.geometry.sources.has_even_dome)
+                columns = self._gathered.columns[p]
+                add = add_frame(self.scene, self._room, part, columns, draw.sends_diffuse)
+                gather_batch(self.scene, self._room, part, rows, draw, add)
+                for group, count in batch:
+                    group.begun += count
+                    if group.begun == len(group.rows):
+                        group.frames, group.begun = group.frames + 1, 0
+                        waiting.popleft()
+                if waiting:
+                    tell()
 
     # ── the picture ────────────────────────────────────────────────────────────────────────────
 
@@ -293,7 +303,7 @@ class LivePicture:
         """
         window = self.view.window
         out = Shared(self.scene.geometry.device, (window.height, window.width, 3), np.float32, is_clean=False)
-        with self._rooms.lock:
+        with self._room.lock:
             self._show()
             self._gathered.average(self.view)
             self._gathered.shade(self.view)
@@ -326,15 +336,6 @@ class LivePicture:
         error = np.sqrt(np.maximum(square - mean * mean, 0) / (frames - 1))
         usual = mean.mean()
         return float((error / np.maximum(mean, 0.02 * usual + 1e-12)).mean())
-
-
-def _advance(waiting: list[Group], count: int) -> None:
-    """Notes that so many rows, of those that have not begun it, have had a frame."""
-    for group in waiting:
-        begun = min(count, len(group.rows) - group.begun)
-        group.begun, count = group.begun + begun, count - begun
-        if group.begun == len(group.rows):
-            group.frames, group.begun = group.frames + 1, 0
 
 
 def emission_of(geometry: Geometry, field: LightField) -> F32:

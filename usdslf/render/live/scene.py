@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from types import MappingProxyType
 from typing import Any
@@ -48,7 +48,6 @@ class Geometry:
     tables: DeviceLookup
     fresnel_d: Any  # (FRESNEL_COSINES,) share of the column Y in even light
     stored: Mapping[str, int]  # build constants that say how the light field's radiance is stored
-    made: dict[tuple[Device, str, str], Kernel] = field(default_factory=dict, repr=False)
 
     @staticmethod
     def of(
@@ -72,10 +71,7 @@ class Geometry:
 
     def kernel(self, stem: str, name: str) -> Kernel:
         """Returns a kernel of the live picture, built for its model."""
-        key = self.device, stem, name
-        if key not in self.made:  # that a device finds one takes as long as some launches
-            self.made[key] = self.device.kernel(stem, name, **constants_of_kernels(self.model, self.stored))
-        return self.made[key]
+        return self.device.kernel(stem, name, **constants_of_kernels(self.model, self.stored))
 
 
 def constants_of_kernels(model: str, stored: Mapping[str, int] = MappingProxyType({})) -> dict[str, Any]:
@@ -156,11 +152,6 @@ class LiveScene:
     geometry: Geometry
     materials: MaterialTable
     light: SentLight
-
-    def on(self, device: Device) -> LiveScene:
-        """Returns the same for a thread that traces rays itself, and has a queue of the device to itself."""
-        g = self.geometry
-        return replace(self, geometry=replace(g, device=device, tracer=g.tracer.alone()))
 
     def arguments(self) -> tuple[Any, ...]:
         """SCENE_PARAMETERS of kernels/live_sources.cl."""

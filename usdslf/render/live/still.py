@@ -13,6 +13,7 @@ Source: Keller and Heidrich 2001; Wald et al. 2002; Scherzer et al. 2012 (radian
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,10 +25,9 @@ from usdslf.lights.sources import LightSet
 from usdslf.progress import tell
 from usdslf.rays import points_at
 from usdslf.render.live import records as r
-from usdslf.render.live.gather import Draw, GatherRoom
+from usdslf.render.live.gather import BATCH, Draw, GatherRoom, gather_batch
 from usdslf.render.live.materials import MaterialTable
 from usdslf.render.live.noise import Noise
-from usdslf.render.live.rooms import GatherRooms
 from usdslf.render.live.scene import Geometry, Hits, LiveScene, SentLight
 from usdslf.render.live.view import Rows, Window, fill_rows, see_lights, send_rays
 from usdslf.render.settings import AOVS, LAYERS, LitScene, PictureOptions, Quality
@@ -39,7 +39,6 @@ NEAR_TILE = 4  # samples on a side that share numbers of lights that have a plac
 SMALLEST_SET = 16  # points of a sequence: fewer do not hold every lobe as often as its chance says
 EACH = 16  # sources up to this number get a ray each
 MOST_FRAMES = 64  # of one set of numbers
-AT_ONCE = 16  # frames that are gathered before their noise is looked at
 RAYS = 2  # of each lobe, and towards each source, for one that is asked for: few of them would be wrong alike in large
 
 
@@ -65,6 +64,7 @@ class _Sums:
     far: Shared
     bounced: Shared
     exact: Shared  # (rows, 3)
+    sent: Shared  # (rows,) of the last frame
 
     @staticmethod
     def of(g: Geometry, n: int, is_apart: bool) -> _Sums:
@@ -73,7 +73,7 @@ class _Sums:
         far = make(n, r.LIGHT)
         has_near = bool(g.lights.placed or len(g.lights.emissive.triangle))
         near, bounced = make(n, r.LIGHT) if has_near else far, make(n, r.LIGHT) if is_apart else far
-        return _Sums(near, far, bounced, make(n, 3))
+        return _Sums(near, far, bounced, make(n, 3), Shared(g.device, (n,), np.float32))
 
     @property
     def arrays(self) -> tuple[Shared, ...]:
@@ -98,7 +98,7 @@ class StillPicture:
         self.samples = size[0] * a, size[1] * a
         light = SentLight.of(geometry, field, options.footprint * area, lit.keep_sums)
         self.scene = LiveScene(geometry, MaterialTable.of(geometry.pool, lit.scene.materials), light)
-        self._rooms, self._frames = GatherRooms(geometry), RAYS * self.quality.rays
+        self._room, self._frames = GatherRoom(geometry), RAYS * self.quality.rays
         materials = lit.scene.materials
         glow = [not isinstance(m.emissive_color, np.ndarray) or m.emissive_color.max() > 0 for m in materials]
         self._is_plain = all(m.is_opaque for m in materials) and not any(glow)  # light is all that there is
@@ -235,17 +235,15 @@ class StillPicture:
         """Returns the radiance (m, 3) of rows by direct and by indirect light; if not apart all is in the first."""
         g, count = self.scene.geometry, self._frames
         sums = _Sums.of(g, rows.count, is_apart)
+        frames = self._gather(rows, there, sums, count, 0)
         noise = Noise(window, rows, there)
-        for first in range(0, count, AT_ONCE):
-            sent = [Shared(g.device, (rows.count,), np.float32) for _ in range(min(AT_ONCE, count - first))]
-            draws = [self._draw(frame, count, 0) for frame in range(first, first + len(sent))]
-            self._gather(rows, there, sums, draws, sent, begins=first == 0)
-            for of_frame in sent:
-                noise.add(of_frame)
+        for _ in frames:
+            noise.add(sums.sent)
         times, chosen = noise.uncertain(count)
         if len(chosen):
-            more, draws = there[chosen], [self._draw(frame, times * count, 500) for frame in range(times * count)]
-            self._gather(rows, more, sums, draws, [Shared(g.device, (rows.count,), np.float32)])
+            more = there[chosen]
+            for _ in self._gather(rows, more, sums, times * count, 500):
+                pass
             listed = rows.listed(more)
             g.kernel("live_still", "scale_sums")(
                 groups(len(more)), (GROUP,), np.uint32(len(more)), listed, np.float32(1 / (1 + times)), *sums.arrays
@@ -259,35 +257,30 @@ class StillPicture:
         apart = [self._filtered(sums.bounced, r.TILE, rows, listed, window)] if is_apart else []
         return direct, self._radiance(apart, rows, listed)
 
-    def _draw(self, frame: int, count: int, turn: int) -> Draw:
-        """Says what one of `count` frames draws; `turn` says which numbers."""
-        further, step = divmod(frame, MOST_FRAMES)
-        of_turn, seed = min(MOST_FRAMES, count - further * MOST_FRAMES), turn + 1000 * self.options.seed
-        return Draw(
-            further + 1000 + seed, r.SET * of_turn, of_turn, step, 0, NEAR_TILE**2 - 1, True, True, True,
-            self.options.depth, frame + 1 + seed,
-        )  # fmt: skip
-
     def _gather(
-        self, rows: Rows, there: NDArray[np.uint32], sums: _Sums, draws: list[Draw], sent: list[Shared],
-        begins: bool = False,
-    ) -> None:  # fmt: skip
-        """Adds frames to the sums of some rows.
-
-        Args:
-            sent: (rows,) of each frame: the luminance that it alone makes; the last one of all that are more.
-            begins: whether the first frame begins the sums.
-        """
-
-        def add(scene: LiveScene, room: GatherRoom, count: int, frame: int) -> None:
-            g, is_first = scene.geometry, begins and frame == 0
-            g.kernel("live_still", "add_samples")(
-                groups(count), (GROUP,), np.uint32(count), room.rows, *g.sources.arrays[:3], np.int32(is_first),
-                rows.surface, room.to_sources.length, room.to_sources.blocked, room.shone, room.lobes.length,
-                room.drawn, room.arrived, scene.light.arriving_d, *sums.arrays, sent[min(frame, len(sent) - 1)],
+        self, rows: Rows, there: NDArray[np.uint32], sums: _Sums, count: int, turn: int
+    ) -> Iterator[None]:  # fmt: skip
+        """Adds frames to the sums of some rows, one by one; `turn` says which numbers they draw, 0: the sums' first."""
+        g, room = self.scene.geometry, self._room
+        for frame in range(count):
+            further, step = divmod(frame, MOST_FRAMES)
+            of_turn, seed = min(MOST_FRAMES, count - further * MOST_FRAMES), turn + 1000 * self.options.seed
+            draw = Draw(
+                further + 1000 + seed, r.SET * of_turn, of_turn, step, 0, NEAR_TILE**2 - 1, True, True, True,
+                self.options.depth, frame + 1 + seed,
             )  # fmt: skip
 
-        self._rooms.gather(self.scene, rows, self._rooms.batches(there), draws, add)
+            def add(in_batch: int, is_first: bool = frame == 0 and turn == 0) -> None:
+                g.kernel("live_still", "add_samples")(
+                    groups(in_batch), (GROUP,), np.uint32(in_batch), room.rows, *g.sources.arrays[:3],
+                    np.int32(is_first), rows.surface, room.to_sources.length, room.to_sources.blocked, room.shone,
+                    room.lobes.length, room.drawn, room.arrived, self.scene.light.arriving_d, *sums.arrays, sums.sent,
+                )  # fmt: skip
+
+            for first in range(0, len(there), BATCH):
+                gather_batch(self.scene, room, rows, there[first : first + BATCH], draw, add)
+                tell()
+            yield
 
     def _filtered(self, light: Shared, width: int, rows: Rows, listed: Shared, window: Window) -> Shared:
         """Averages light over a window, along rows and then along columns."""
