@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from dataclasses import field as field_of
 from functools import lru_cache
 from types import MappingProxyType
 from typing import Any
@@ -48,6 +49,7 @@ class Geometry:
     tables: DeviceLookup
     fresnel_d: Any  # (FRESNEL_COSINES,) share of the column Y in even light
     stored: Mapping[str, int]  # build constants that say how the light field's radiance is stored
+    kernels: dict[tuple[str, str], Kernel] = field_of(default_factory=dict, init=False, repr=False, compare=False)
 
     @staticmethod
     def of(
@@ -71,7 +73,9 @@ class Geometry:
 
     def kernel(self, stem: str, name: str) -> Kernel:
         """Returns a kernel of the live picture, built for its model."""
-        return self.device.kernel(stem, name, **constants_of_kernels(self.model, self.stored))
+        if (stem, name) not in self.kernels:  # finding it by its macros takes as long as launching it
+            self.kernels[stem, name] = self.device.kernel(stem, name, **constants_of_kernels(self.model, self.stored))
+        return self.kernels[stem, name]
 
 
 def constants_of_kernels(model: str, stored: Mapping[str, int] = MappingProxyType({})) -> dict[str, Any]:
