@@ -191,7 +191,7 @@ def test_interrupt_leaves_the_earlier_file(shot: Path, tmp_path: Path) -> None:
     target = tmp_path / "a.exr"
     target.write_bytes(b"earlier")
     code = (
-        "import sys, usdslf.pictures as s\n"
+        "import sys, usdslf.render.picture as s\n"
         "def stop(*a, **k): raise KeyboardInterrupt\n"
         "s.render_bands = stop\n"
         "from usdslf.cli.main import main\n"
