@@ -130,7 +130,10 @@ def _library() -> ctypes.CDLL:
     Raises: Unlike where it is not found.
     """
     # Linux and macOS look a name up in a module and in all that it was linked with.
-    linked = ctypes.CDLL(rtcore_scene.__file__)
+    try:
+        linked = ctypes.CDLL(rtcore_scene.__file__)
+    except OSError as why:
+        raise Unlike(f"embreex's module is no library that can be asked: {why}") from why
     if hasattr(linked, "rtcCommitScene"):
         return linked
     if sys.platform == "win32":

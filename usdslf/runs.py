@@ -6,6 +6,8 @@ for what four million triangles have, in which a window stands still; so does `n
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -45,6 +47,12 @@ def numbered(keys: NDArray[np.integer]) -> tuple[NDArray, I64]:
     number = np.empty(len(keys), np.int64)
     number[order] = np.cumsum(is_new) - 1
     return ascending[np.flatnonzero(is_new)], number
+
+
+def distinct(values: NDArray[Any]) -> NDArray[Any]:
+    """Returns the distinct numbers of an array, ascending, as `np.unique`, which loads numpy.ma first: 25 ms."""
+    ordered = np.sort(values, axis=None)
+    return ordered[np.append(True, ordered[1:] != ordered[:-1])] if len(ordered) else ordered
 
 
 def first_places(number: I64, count: int) -> I64:

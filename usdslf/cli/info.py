@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from usdslf.lights.defaults import lights_or_default
-from usdslf.scene.arrays import distinct
+from usdslf.runs import distinct
 from usdslf.scene.records import Material, MissingTexture, PrimvarInput, Scene, Texture
 
 INPUTS = (

@@ -18,8 +18,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from usdslf.runs import numbered, owners
-from usdslf.scene.arrays import distinct
+from usdslf.runs import distinct, numbered, owners
 from usdslf.scene.records import F64
 
 I64 = NDArray[np.int64]

@@ -10,9 +10,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from usdslf.runs import owners
+from usdslf.runs import distinct, owners
 from usdslf.sampling.frames import tangents
-from usdslf.scene.arrays import cross, distinct
+from usdslf.scene.arrays import cross
 from usdslf.scene.records import F64
 
 I64 = NDArray[np.int64]

@@ -52,7 +52,7 @@ class Sizes:
 
 
 def likely_sizes(
-    left: F64, explained: F64, alike: F64, usual: tuple[float, float], least: float = 0.0, slack: float = 1.0
+    left: F64, explained: F64, alike: F64, usual: tuple[float, float], least: float, slack: float
 ) -> Sizes:
     """Returns how large errors are that leave this of a paint.
 

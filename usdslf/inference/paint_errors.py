@@ -298,9 +298,9 @@ def paint_errors(t: Tables, o: Options, c: Candidate, trust: F64 | None = None) 
     parts = [mean(columns).reshape(m, 3, -1), share[:, :, None] * mean(_of_strokes(t))[:, None]]
     if doubt.max(initial=0) > LEAST_DOUBT:
         parts.append(doubt[:, :, None])
-    sure = LEAST**2 / count  # of the mean of a swatch's dabs
-    beyond = np.maximum(vague.mean(1) - sure, 0) + ((OF_DOUBT * doubt) ** 2).mean(1)
-    heard = own / np.sqrt(1 + beyond / sure)  # a dab in doubt, or that few points are known of, shows no painter
+    usual_variance = LEAST**2 / count  # of the mean of a swatch's dabs
+    beyond = np.maximum(vague.mean(1) - usual_variance, 0) + ((OF_DOUBT * doubt) ** 2).mean(1)
+    heard = own / np.sqrt(1 + beyond / usual_variance)  # in doubt, or of few points, it shows no painter
     explained = heard[:, None, None] * np.concatenate(parts, 2)
     of_swatches = bool((t.swatch >= 0).all())
     usual = (USUAL_OF_ONE if t.has_one_color.all() else USUAL_OF_SWATCHES) if of_swatches else USUAL
@@ -315,10 +315,10 @@ def paint_errors(t: Tables, o: Options, c: Candidate, trust: F64 | None = None) 
     a, b = sizes.middle
     of_means = np.zeros((m, 3)) if together is None else _of_swatch_means(t, c, together)
     unsaid = np.broadcast_to(UNSAID**2 * held, (m, 3))
-    tint, alike = o.tint_error**2 * same, SURE**2 * same
     return PaintErrors(
-        together, sizes, a, b, trust, drift, tint, alike, 1 / own**2, of_means, vague, unsaid, share, doubt
-    )
+        together, sizes, alike=a, own=b, trust=trust, drift=drift, tint=o.tint_error**2 * same, sure=SURE**2 * same,
+        each=1 / own**2, of_means=of_means, vague=vague, unsaid=unsaid, share=share, doubt=doubt,
+    )  # fmt: skip
 
 
 def doubt_of(t: Tables, c: Candidate) -> F64:

@@ -1,8 +1,6 @@
-"""What numpy does too slowly: with arrays of a few columns, or by what it loads first."""
+"""What numpy does too slowly with arrays of a few columns."""
 
 from __future__ import annotations
-
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,9 +12,3 @@ def cross(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]
     for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
         out[..., i] = a[..., j] * b[..., k] - a[..., k] * b[..., j]
     return out
-
-
-def distinct(values: NDArray[Any]) -> NDArray[Any]:
-    """Returns the distinct numbers of an array, ascending, as `np.unique`, which loads numpy.ma first: 25 ms."""
-    ordered = np.sort(values, axis=None)
-    return ordered[np.append(True, ordered[1:] != ordered[:-1])] if len(ordered) else ordered

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from usdslf.scene.arrays import distinct
+from usdslf.runs import distinct
 from usdslf.scene.records import LightTexture, Scene, Texture
 
 OfFile = Callable[[str], bytes]

@@ -15,7 +15,7 @@ from pxr import Usd, UsdGeom
 
 from usdslf.geometry.shape import REFINED_FACES_MAX, Polygons, Shape, build_shape, fingerprint, place
 from usdslf.progress import tell, tell_during
-from usdslf.scene.arrays import distinct
+from usdslf.runs import distinct
 from usdslf.scene.records import F32, F64, I32, Mesh
 from usdslf.usd.binding import bound_material
 from usdslf.usd.notes import Notes

@@ -12,7 +12,7 @@ from pxr import Pcp, Sdf, Usd, UsdGeom
 from usdslf.color import USD_DEFAULT_SPACE, color_of
 from usdslf.errors import StageError
 from usdslf.replacing import is_folder
-from usdslf.scene.arrays import distinct
+from usdslf.runs import distinct
 from usdslf.scene.records import Light, Material, Mesh, MissingTexture, PrimvarInput, Scene, Texture
 from usdslf.usd.border import parse_reason, reading, text_of
 from usdslf.usd.notes import Notes, name_some
