@@ -66,6 +66,17 @@ def test_at_an_edge_a_dab_shows_both_sides_by_their_area(device: Device) -> None
     np.testing.assert_array_equal(e.material, [0, 0, 0])
 
 
+@pytest.mark.parametrize(("film_normal", "longer"), [((0.0, 0.0, 1.0), 1.0), ((0.0, 0.0, 0.0), np.sqrt(2))])
+def test_a_dab_is_round_on_the_picture_where_its_film_is_known(
+    device: Device, film_normal: tuple[float, float, float], longer: float
+) -> None:
+    painted = stroke(AWAY[1:], scope="material", film_normal=film_normal)
+    aside = replace(painted, eye=painted.points + np.float32([50, 0, 50]))  # 45 degrees off the axis
+    e = evidence_of(glowing(device), aside)
+    share = part_of_disk(np.array(AWAY[1:]) / longer)  # a disc that faces the eye covers an ellipse of the floor
+    np.testing.assert_allclose(unchanged(e)[:, 0], share + 3 * (1 - share), rtol=0.02)
+
+
 def test_a_bright_rim_counts_by_its_area_also_where_few_points_meet_it(device: Device) -> None:
     away = (0.044, 0.045, 0.0465)  # 1 to 2 % of the dab
     e = evidence_of(glowing(device, 50.0), stroke(away, scope="material"))

@@ -67,6 +67,21 @@ def test_widths_grow_with_depth_so_that_the_brush_keeps_its_size_in_the_picture(
     assert [stroke.surfaces[i] for i in stroke.surface_index] == ["/near"] * 2 + ["/far"] * 2
 
 
+def test_a_disc_along_the_film_is_round_on_the_picture() -> None:
+    turned = np.array([[0.8, 0.0, 0.6], [0.0, 1.0, 0.0], [-0.6, 0.0, 0.8]])
+    camera = make_camera()
+    matrix = camera.world_from_camera.copy()
+    matrix[:3, :3], matrix[:3, 3] = turned, [1.5, 0.0, 4.0]
+    camera = replace(camera, world_from_camera=matrix)
+    scene = make_scene(quad_mesh("/a", (-3.5, 0, 0), 2))
+    stroke = paint_stroke(scene, RayTracer(scene), camera, [[(0.35, 0.7)]], 0.05)
+    assert_allclose(stroke.film_normal, turned[:, 2], atol=1e-6)
+    angle = np.linspace(0, 2 * np.pi, 16)[:, None]
+    rim = np.cos(angle) * turned[:, 0] + np.sin(angle) * turned[:, 1]
+    at, _ = project_points(camera, stroke.points[0] + 0.5 * stroke.widths[0] * rim, 2.0)
+    assert_allclose(np.hypot(*((at - [0.35, 0.7]) * [2, 1]).T), 0.05, rtol=1e-4)
+
+
 def test_the_pen_is_lifted_between_surfaces_and_off_them() -> None:
     scene = make_scene(quad_mesh("/a", (-1.2, 0, 0)), quad_mesh("/b", (1.2, 0, 0)))
     stroke = paint(scene, [[(0.3, 0.5), (0.7, 0.5)]])

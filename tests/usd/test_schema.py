@@ -34,7 +34,7 @@ def test_source_and_generated_schema_agree() -> None:
     source = Sdf.Layer.OpenAsAnonymous(str(ROOT / "schemas/generatedSchema.usda"))
     text = (ROOT / "schemas/schema.usda").read_text()
     spec = source.GetPrimAtPath("/SlfStrokeAPI")
-    assert len(spec.attributes) + len(spec.relationships) == 14
+    assert len(spec.attributes) + len(spec.relationships) == 15
     for name, attribute in spec.attributes.items():
         assert name in text
         if attribute.default is not None and attribute.typeName == "token":
@@ -49,7 +49,7 @@ def test_types_and_variability_are_those_of_the_contract() -> None:
         "slf:face": ("int[]", False), "slf:barycentric": ("float2[]", False),
         "slf:timeCode": ("double", True),
         "slf:norm": ("token", True), "slf:scope": ("token", True), "slf:choice": ("string", True),
-        "slf:cloneOffset": ("vector3f", False),
+        "slf:cloneOffset": ("vector3f", False), "slf:filmNormal": ("vector3f", False),
     }  # fmt: skip
     for name, (kind, uniform) in types.items():
         spec = definition.GetSchemaAttributeSpec(name)

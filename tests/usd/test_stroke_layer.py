@@ -67,7 +67,7 @@ def test_every_value_survives_a_round_trip(shot: Usd.Stage, tmp_path: Path) -> N
     strokes[1] = replace(strokes[1], eye=strokes[1].eye[:1].repeat(7, 0))
     strokes[2] = replace(strokes[2], colors=np.float32([[0.1, 0.2, 0.3]] * 7), mode=MODES[1], space=SPACES[1])
     strokes[3] = replace(strokes[3], norm=NORMS[0], scope=SCOPES[0])
-    strokes.append(make_stroke(20, tool="clone", clone_offset=(0.5, 0.0, -1.0)))
+    strokes.append(make_stroke(20, tool="clone", clone_offset=(0.5, 0.0, -1.0), film_normal=(0.0, -1.0, 0.0)))
     write_strokes(path, strokes, shot)
     back = read_strokes(path)
     assert [s.name for s in back] == [s.name for s in strokes]
@@ -108,7 +108,8 @@ def test_what_people_added_by_hand_is_kept(shot: Usd.Stage, tmp_path: Path) -> N
 
 def test_everything_is_authored_and_nothing_left_to_fallbacks(shot: Usd.Stage, tmp_path: Path) -> None:
     path = tmp_path / "strokes.usda"
-    write_strokes(path, [make_stroke(0, tool="clone", clone_offset=(1.0, 0.0, 0.0))], shot)
+    whole = make_stroke(0, tool="clone", clone_offset=(1.0, 0.0, 0.0), film_normal=(0.0, 0.0, 1.0))
+    write_strokes(path, [whole], shot)
     stage = Usd.Stage.Open(str(path))
     prim = stage.GetPrimAtPath("/SlfStrokes/stroke_0000")
     for name in (*PROPERTIES, "purpose", "type", "curveVertexCounts", "points", "normals", "widths"):

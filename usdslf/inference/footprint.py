@@ -6,6 +6,8 @@
 
 Rays start at the eye where it sees the dab's centre: on weave, thin parts and folds it sees other places than a probe
 from near by.  Where something hides the centre now (a stroke read again after motion), they start close to the surface.
+They go through a disc that is parallel to the film: one that faces the eye would be longer on the picture than it was
+painted, away from its middle, by one over the cosine.
 
 A colour that was taken from the picture is that of all that shows there: at an edge, on thin parts and through glass
 it is a mixture,
@@ -216,7 +218,8 @@ def _rays(
     origin = stroke.eye[stroke_row].astype(np.float64)
     towards = center - origin
     distance = np.linalg.norm(towards, axis=1)
-    frame = frames_about(towards / distance[:, None])
+    facing = np.broadcast_to(stroke.film_normal, towards.shape) if any(stroke.film_normal) else towards
+    frame = frames_about(facing / np.linalg.norm(facing, axis=1, keepdims=True))
     brush = stroke.widths[stroke_row]
     disk = np.einsum("kc,ncj->nkj", spiral, frame[:, :2]) * (reach * brush / 2)[:, None, None]
     aim = center[:, None] + disk - origin[:, None]

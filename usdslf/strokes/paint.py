@@ -91,6 +91,7 @@ def paint_stroke(
         curve_counts=_unbroken(seen.points, spacing * radius * heights / slant, lifted),
         frame=scene.frame,
         origin=scene.origin,
+        film_normal=_film_normal(camera),
         **_anchors(scene, seen.triangle, seen.barycentric),
         **meant,
     )
@@ -201,6 +202,11 @@ def _picture_height(camera: Camera, points: NDArray, aspect: float) -> F64:
     low, _ = project_points(camera, points, aspect)
     high, _ = project_points(camera, points + up, aspect)
     return 1 / np.abs(low[:, 1] - high[:, 1])
+
+
+def _film_normal(camera: Camera) -> tuple[float, float, float]:
+    x, y, z = unit(camera.world_from_camera[None, :3, 2].astype(np.float64))[0].astype(np.float32).tolist()
+    return x, y, z
 
 
 def _eyes(camera: Camera, origin: F32, direction: F32) -> F32:

@@ -7,7 +7,8 @@
     dab_rows(stroke) -> (k,) int                        one row per dab: the twin of a single dab left out
 
 A picture's coordinates run over 0..1 with the origin at the top left; the brush radius is a fraction of the
-picture's height.  In the world the brush is a ball of that size at the depth of the surface.
+picture's height.  In the world it is a ball of that size at the depth of the surface; what a dab covers of the picture
+is the disc of it that is parallel to the film, so that it is round on the picture also away from its middle.
 """
 
 from __future__ import annotations
@@ -53,6 +54,8 @@ class Stroke:
         scope: stroke | prim | material | similar: how far its change may spread.
         choice: id of the alternative that was chosen; "" for the solver's best.
         clone_offset: (3,) from each point to the source of tool clone [stage units].
+        film_normal: (3,) unit, towards the eyes: of the picture that was painted on, on which dabs are round; (0, 0, 0)
+            where it is unknown, and each dab is round for its eye.
         active: False for one that is switched off.
         prim: path that it was read from; "" for one that is new.
         origin: (3,) of the world that points and eye are relative to, as `Scene.origin` [stage units].
@@ -78,6 +81,7 @@ class Stroke:
     scope: str = "material"
     choice: str = ""
     clone_offset: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    film_normal: tuple[float, float, float] = (0.0, 0.0, 0.0)
     active: bool = True
     prim: str = ""
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
@@ -137,6 +141,8 @@ def validate_stroke(stroke: Stroke) -> None:
         raise StrokeError(f"{where} has a strength of {s.strength:g}: it lies in 0..1")
     if not np.isfinite(s.clone_offset).all():
         raise StrokeError(f"{where} has a clone offset that is no finite number: choose the source again")
+    if not np.isfinite(s.film_normal).all():
+        raise StrokeError(f"{where} has a film normal that is no finite number: paint it again")
     if s.tool == "clone" and not np.any(s.clone_offset):
         raise StrokeError(f"{where} clones from itself: give it a clone offset")
     if s.has_anchors and ((s.surface_index < -1) | (s.surface_index >= len(s.surfaces))).any():

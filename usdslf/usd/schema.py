@@ -41,6 +41,7 @@ PROPERTIES = (
     "slf:scope",
     "slf:choice",
     "slf:cloneOffset",
+    "slf:filmNormal",
 )
 
 

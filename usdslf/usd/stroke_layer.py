@@ -149,6 +149,12 @@ def _array(prim: Usd.Prim, name: str, width: int, dtype: type = np.float32) -> N
         raise StrokeError(_no_number(prim, name)) from None
 
 
+def _vector(prim: Usd.Prim, name: str) -> tuple[float, float, float]:
+    found = _array(prim, name, 3, np.float64)
+    x, y, z = found[0].tolist() if len(found) else (0.0, 0.0, 0.0)
+    return x, y, z
+
+
 def _number(prim: Usd.Prim, name: str, fallback: float) -> float:
     value = _value(prim, name)
     try:
@@ -180,8 +186,7 @@ def _read_stroke(prim: Usd.Prim, said: list[str]) -> Stroke:
         return _one_per_point(path, name, _array(prim, name, width), counts)
 
     world = np.array(UsdGeom.Xformable(prim).ComputeLocalToWorldTransform(Usd.TimeCode.Default()))
-    origin = _array(prim, ORIGIN, 3, np.float64)
-    origin = origin[0] if len(origin) else np.zeros(3)
+    origin = _vector(prim, ORIGIN)
     if not (np.isfinite(world).all() and np.isfinite(origin).all()):
         raise StrokeError(f"stroke {path} has a transform that is not finite: paint it again or remove it")
     scale = abs(np.linalg.det(world[:3, :3])) ** (1 / 3)
@@ -193,8 +198,6 @@ def _read_stroke(prim: Usd.Prim, said: list[str]) -> Stroke:
         color = color[indices]
     tokens: dict[str, Any] = {f: _value(prim, name) for name, f in _TOKENS.items()}
     tokens = {f: str(value) for f, value in tokens.items() if value is not None}
-    offset = _array(prim, "slf:cloneOffset", 3, np.float64)
-    offset = offset[0] if len(offset) else np.zeros(3)
     return Stroke(
         name=prim.GetName(),
         points=(points @ world[:3, :3] + (world[3, :3] - origin)).astype(np.float32),
@@ -206,10 +209,11 @@ def _read_stroke(prim: Usd.Prim, said: list[str]) -> Stroke:
         strength=_number(prim, "slf:strength", 1.0),
         frame=_number(prim, "slf:timeCode", math.nan),
         choice=str(_value(prim, "slf:choice") or ""),
-        clone_offset=(float(offset[0]), float(offset[1]), float(offset[2])),
+        clone_offset=_vector(prim, "slf:cloneOffset"),
+        film_normal=_vector(prim, "slf:filmNormal"),
         active=prim.IsActive(),
         prim=path,
-        origin=(float(origin[0]), float(origin[1]), float(origin[2])),
+        origin=origin,
         **_read_anchors(prim, n, said),
         **tokens,
     )
@@ -289,10 +293,8 @@ def _write_stroke(scope: Sdf.PrimSpec, stroke: Stroke) -> None:
     surfaces = _write_anchors(spec, stroke)
     put("slf:timeCode", Names.Double, float(stroke.frame), uniform)
     put("slf:choice", Names.String, stroke.choice, uniform)
-    if stroke.tool == "clone":
-        put("slf:cloneOffset", Names.Vector3f, Gf.Vec3f(*stroke.clone_offset))
-    elif "slf:cloneOffset" in spec.attributes:
-        del spec.attributes["slf:cloneOffset"]
+    _put_where(stroke.tool == "clone", spec, "slf:cloneOffset", stroke.clone_offset)
+    _put_where(any(stroke.film_normal), spec, "slf:filmNormal", stroke.film_normal)
     relation = spec.relationships.get("slf:surfaces")
     relation = relation or Sdf.RelationshipSpec(spec, "slf:surfaces", custom=False)
     relation.targetPathList.ClearEditsAndMakeExplicit()
@@ -310,6 +312,13 @@ def _write_anchors(spec: Sdf.PrimSpec, stroke: Stroke) -> list[str]:
     barycentric = np.ascontiguousarray(stroke.barycentric, np.float32)
     _put(spec, "slf:barycentric", Names.Float2Array, Vt.Vec2fArray.FromNumpy(barycentric))
     return surfaces
+
+
+def _put_where(is_meant: bool, spec: Sdf.PrimSpec, name: str, vector: tuple[float, float, float]) -> None:
+    if is_meant:
+        _put(spec, name, Names.Vector3f, Gf.Vec3f(*vector))
+    elif name in spec.attributes:
+        del spec.attributes[name]
 
 
 def _put(
