@@ -11,7 +11,8 @@
  * come out without any noise.  A neighbour counts where it shows the same material, lies in the same plane and looks the same way; for
  * specular light, where its mirror direction differs by less than the lobe is wide, so that sharp reflections stay sharp.  Where that
  * is less than the window, a part of the tile would be left out, and the place in the tile would show as a pattern: there the tile is
- * smaller, and so is the window.
+ * smaller, and so is the window.  A tile of even width has no middle: windows reach as far to both sides, and the two places at their
+ * ends, which draw the same numbers, count half each; else all light would lie half a place beside where it falls.
  *
  * Guides: position, how far neighbours may lie off its plane, normal, class (negative: nothing), mirror direction, alpha, tile, width.
  */
@@ -112,20 +113,22 @@ __kernel void filter_light(
     }
     float16 sum = (float16)(0.0f), sharp = (float16)(0.0f);
     float matte = 0.0f, specular = 0.0f;
-    int tile = (int)a[G_TILE], sharp_low = -tile / 2, sharp_high = tile - tile / 2;
-    int along = step_x ? x : y, end = step_x ? width : height, before = window / 2, after = window - window / 2;
-    int low = larger(-before, -along), high = lesser(after, end - along);
+    int along = step_x ? x : y, end = step_x ? width : height, reach = window / 2, sharp_reach = (int)a[G_TILE] / 2;
+    int low = larger(-reach, -along), high = lesser(reach + 1, end - along);
+    float at_end = window & 1 ? 1.0f : 0.5f;
     size_t stride = step_x ? 1 : width, q = (size_t)p + low * (long)stride;
     for (int k = low; k < high; k++, q += stride) {
         __global const float *b = grid_guide + q * GUIDE;
         if (b[G_CLASS] != kind) continue;
-        int is_same = is_grid & (k == 0);
+        int is_same = is_grid & (k == 0), away = k < 0 ? -k : k;
         /* products of truths, not branches: neighbours are alike or not by chance */
         float off = fabs((b[0] - px) * nx + (b[1] - py) * ny + (b[2] - pz) * nz);
         float turned = b[G_NORMAL] * nx + b[G_NORMAL + 1] * ny + b[G_NORMAL + 2] * nz;
         float m = ((is_same | (turned >= NORMAL_COSINE)) & (off <= gap)) ? 1.0f : 0.0f;
+        m *= away < reach ? 1.0f : at_end;
         float dx = b[G_MIRROR] - mx, dy = b[G_MIRROR + 1] - my, dz = b[G_MIRROR + 2] - mz;
-        float is_near = (is_same | ((dx * dx + dy * dy + dz * dz <= wide2) & (fabs(b[G_ALPHA] - alpha) <= 0.15f * alpha) & (k >= sharp_low) & (k < sharp_high))) ? m : 0.0f;
+        float is_near = (is_same | ((dx * dx + dy * dy + dz * dz <= wide2) & (fabs(b[G_ALPHA] - alpha) <= 0.15f * alpha) & (away <= sharp_reach))) ? m : 0.0f;
+        is_near = (sharp_reach > 0) & (away == sharp_reach) ? lesser(is_near, 0.5f) : is_near;
         float16 l = vload16(0, light + q * LIGHT);
         sum += m * l;
         sharp += is_near * l;
