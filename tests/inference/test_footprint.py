@@ -12,7 +12,7 @@ from kit.scene_records import quad
 from usdslf.gpu.device import Device
 from usdslf.inference.evidence import Evidence, build_evidence, mean_by
 from usdslf.inference.footprint import is_of_picture
-from usdslf.inference.samples import gather_samples
+from usdslf.inference.samples import SAMPLES, gather_samples
 from usdslf.lights.sources import LightSet
 from usdslf.scene.records import Light
 from usdslf.strokes.stroke import Stroke
@@ -82,6 +82,21 @@ def test_a_bright_rim_counts_by_its_area_also_where_few_points_meet_it(device: D
     e = evidence_of(glowing(device, 50.0), stroke(away, scope="material"))
     share = part_of_disk(np.array(away))
     np.testing.assert_allclose(unchanged(e)[:, 0], share + 50 * (1 - share), rtol=0.03)
+
+
+def test_a_thin_thing_has_as_many_points_as_a_wide_one(device: Device) -> None:
+    thin = 0.2 * RADIUS
+    floors = [
+        quad((0, -2, 0), (thin, 0, 0), (0, 4, 0), path="/a"),
+        quad((-4, -2, 0), (4, 0, 0), (0, 4, 0), material=1, path="/b"),
+        quad((thin, -2, 0), (4, 0, 0), (0, 4, 0), material=1, path="/c"),
+    ]
+    made = lit(device, floors, [material(0.5, emission=1.0), material(0.5, emission=3.0)], (), 60, "preview_surface", 2)
+    e = evidence_of(made, stroke((0.5 * thin,) * 3, scope="material"))
+    number = np.bincount(e.dab_of_sample)[:3]
+    assert (number >= 0.9 * SAMPLES[1]).all() and (number <= 1.1 * SAMPLES[1]).all(), number
+    share = 2 * part_of_disk(np.array([0.5 * thin])) - 1
+    np.testing.assert_allclose(unchanged(e)[:, 0], np.repeat(share + 3 * (1 - share), 3), rtol=0.01)
 
 
 def test_only_the_painted_part_of_a_dab_answers_a_change(device: Device) -> None:

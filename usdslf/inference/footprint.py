@@ -42,6 +42,7 @@ LAYERS = 8  # see-through surfaces of a ray
 LEAST_SHOWN = 1e-3  # of a layer
 FINEST = 4096  # rays of a dab that sees several things
 MOST_FINER = 1 << 15  # of a stroke
+MOST_FOUND = 1 << 16  # of a stroke, that find points of the painted material where it covers little
 RARE = 24  # points of others, below which a dab takes some of those, up to as many
 Points = tuple[NDArray, NDArray, NDArray]
 """dab (S,), triangle (S,), barycentric (S, 2)."""
@@ -89,7 +90,7 @@ def mixed_footprint(
     """Returns all that `count` rays a dab see, through what can be seen through.
 
     A rim that covers a hundredth of a dab may shine as much as all the rest: where rays see several things, more of
-    them, of which none is lit, say how much each covers.
+    them, of which none is lit, say how much each covers, and where its material covers little more find points of it.
     """
     asked, n = Asked(stroke, scene, tracer, located), len(rows)
     seen, light = _shown(asked, rows, count, lights)
@@ -105,12 +106,23 @@ def mixed_footprint(
         there = finer.chosen(~mine)
         other_cover[mixed] = there.cover(len(mixed)) / more
         other = other.with_rare(there.of_dabs(mixed), n, RARE)
+        own = own.replaced_by(_whole_count(asked, rows, count, cover, mixed, lights))
     # The centre stands for all of a dab that shows nothing of its material.
     shows = np.bincount(own.dab, minlength=n) > 0
     other = other.chosen(shows[other.dab])
     whole = _with_centres(own.points, located, rows)
     weight = np.concatenate([own.shares(cover), np.ones(len(whole[0]) - len(own.dab))])
     return Mixture(whole, weight, other.points, other.shares(other_cover), light * shows[:, None])
+
+
+def _whole_count(
+    asked: Asked, rows: NDArray, count: int, cover: F64, mixed: NDArray, lights: LightSet
+) -> Shown:
+    """Returns some `count` points of the painted material in each mixed dab, of as many rays as that needs."""
+    most = max(min(FINEST, MOST_FOUND // len(mixed)), count)
+    rays = np.clip(count / np.maximum(cover[mixed], 1e-9), count, most).astype(int)
+    seen, _ = _shown(asked, rows[mixed], rays, lights)
+    return seen.chosen(asked.is_mine(seen, rows[mixed])).of_dabs(mixed)
 
 
 @dataclass(frozen=True)
@@ -160,6 +172,12 @@ class Shown:
         number = np.bincount(self.dab, minlength=n)
         return self.part * (cover * number / np.maximum(self.cover(n), 1e-30))[self.dab]
 
+    def replaced_by(self, others: Shown) -> Shown:
+        """These, and others in place of those of the same dabs."""
+        kept = self.chosen(~np.isin(self.dab, others.dab))
+        pairs = ((getattr(kept, f.name), getattr(others, f.name)) for f in fields(Shown))
+        return Shown(*(np.concatenate(pair) for pair in pairs))
+
     def with_rare(self, finer: Shown, n: int, least: int) -> Shown:
         """These, and `least` of others at most in place of the points of each dab (n,) that has fewer."""
         is_rare = np.bincount(self.dab, minlength=n) < least
@@ -167,14 +185,11 @@ class Shown:
         turn = turn[np.argsort(finer.dab[turn], kind="stable")]
         dab = finer.dab[turn]
         place = np.arange(len(dab)) - np.searchsorted(dab, dab)
-        few = finer.chosen(turn[(place < least) & is_rare[dab]])
-        kept = self.chosen(~np.isin(self.dab, few.dab))
-        pairs = ((getattr(kept, f.name), getattr(few, f.name)) for f in fields(Shown))
-        return Shown(*(np.concatenate(pair) for pair in pairs))
+        return self.replaced_by(finer.chosen(turn[(place < least) & is_rare[dab]]))
 
 
-def _shown(asked: Asked, rows: NDArray, count: int, lights: LightSet) -> tuple[Shown, F64]:
-    """Returns what `count` rays of each dab see of surfaces, and the sum (n, 3) of the lights that they see."""
+def _shown(asked: Asked, rows: NDArray, count: int | NDArray, lights: LightSet) -> tuple[Shown, F64]:
+    """Returns what `count` rays, or (n,), of dabs see of surfaces, and the sum (n, 3) of the lights that they see."""
     scene, tracer = asked.scene, asked.tracer
     origin, aim = _rays(asked.stroke, tracer, asked.located, rows, count, 1.0)
     dab, n = np.repeat(np.arange(len(rows)), count), len(rows)
@@ -208,28 +223,29 @@ def _shown(asked: Asked, rows: NDArray, count: int, lights: LightSet) -> tuple[S
 
 
 def _rays(
-    stroke: Stroke, tracer: RayTracer, located: Located, rows: NDArray, count: int, reach: float
+    stroke: Stroke, tracer: RayTracer, located: Located, rows: NDArray, count: int | NDArray, reach: float
 ) -> tuple[NDArray, NDArray]:
-    """Starts and unit directions (n * count, 3) of rays spread over `reach` brushes as the painter saw them."""
-    k = np.arange(count)
-    spiral = np.sqrt((k + 0.5) / count)[:, None] * np.stack([np.cos(2.39996 * k), np.sin(2.39996 * k)], -1)
+    """Starts and unit directions (sum of counts, 3) of rays spread over `reach` brushes as the painter saw them."""
+    counts = np.broadcast_to(count, len(rows))
+    dab = np.repeat(np.arange(len(rows)), counts)
+    k = np.arange(len(dab)) - (np.cumsum(counts) - counts)[dab]
+    spiral = np.sqrt((k + 0.5) / counts[dab])[:, None] * np.stack([np.cos(2.39996 * k), np.sin(2.39996 * k)], -1)
     center = located.position[rows].astype(np.float64)
     stroke_row = located.row[rows]
     origin = stroke.eye[stroke_row].astype(np.float64)
     towards = center - origin
     distance = np.linalg.norm(towards, axis=1)
     facing = np.broadcast_to(stroke.film_normal, towards.shape) if any(stroke.film_normal) else towards
-    frame = frames_about(facing / np.linalg.norm(facing, axis=1, keepdims=True))
+    frame = frames_about(facing / np.linalg.norm(facing, axis=1, keepdims=True)) * (reach / 2)
     brush = stroke.widths[stroke_row]
-    disk = np.einsum("kc,ncj->nkj", spiral, frame[:, :2]) * (reach * brush / 2)[:, None, None]
-    aim = center[:, None] + disk - origin[:, None]
-    aim /= np.linalg.norm(aim, axis=2, keepdims=True)
+    place = center[dab] + np.einsum("rc,rcj->rj", spiral, (frame[:, :2] * brush[:, None, None])[dab])
+    aim = place - origin[dab]
+    aim /= np.linalg.norm(aim, axis=1, keepdims=True)
     shortest = np.minimum(2 * reach * brush, distance)
     clear = np.maximum(distance - 0.5 * brush, 0) / np.maximum(distance, 1e-30)
     hidden = tracer.occluded(origin, towards, clear.astype(np.float32))
-    near = center[:, None] + disk - aim * shortest[:, None, None]
-    start = np.where(hidden[:, None, None], near, origin[:, None])
-    return start.reshape(-1, 3).astype(np.float32), aim.reshape(-1, 3).astype(np.float32)
+    start = np.where(hidden[dab, None], place - aim * shortest[dab, None], origin[dab])
+    return start.astype(np.float32), aim.astype(np.float32)
 
 
 def _is_painted(
