@@ -18,13 +18,16 @@
     triangles, corners, face_normal, material_of, materials, refs, images, texels, uvs, source_count, streams, rows, pictures, \
         tables, drawn, glowing_count, glowing, cumulative, glow_density
 
+/* width of a lobe at a sample, whose first is as narrow as the sample's own */
+#define ALPHA_OF(t) ((t) == 0 ? narrowest : alphas[t])
+
 /* expected number of rays per steradian, over all techniques */
-inline float mixture_density(int lobes, __constant float *alphas, __constant float *counts, float3 e, float3 l)
+inline float mixture_density(float narrowest, int lobes, __constant float *alphas, __constant float *counts, float3 e, float3 l)
 {
     if (l.z <= 0.0f) return 0.0f;
     float p = counts[0] * l.z / PI_F;
     float3 h = unit(e + l);
-    for (int t = 0; t < lobes; t++) p += counts[t + 1] * visible_pdf(alphas[t], ggx_of_half(alphas[t], h), e.z);
+    for (int t = 0; t < lobes; t++) p += counts[t + 1] * visible_pdf(ALPHA_OF(t), ggx_of_half(ALPHA_OF(t), h), e.z);
     return p;
 }
 
@@ -41,14 +44,14 @@ inline void put_channels(float3 v, __global float *to, size_t s, uint row, uint 
  * origin, geometric (S, 3): off the surface; the normal of its side
  * u          (S, K, 2) in [0, 1)
  * technique  (K) 0 cosine, t lobe t
- * alphas     (lobes); counts (lobes + 1) rays of each technique
+ * first_alpha (S) of the first lobe; alphas (lobes) of the others; counts (lobes + 1) rays of each technique
  * towards    (S, 3, row) local; ray_* (count): what is traced, of length 0 where it goes below the horizon, and folded up where the
  *            shading normal alone sends it out; density (count) negative where it was; 0 below the horizon: results
  */
 __kernel void draw_rays(
     const uint count, const uint first, const uint rays, const uint row, __global const float *eye, __global const float *frames,
-    __global const float *origin, __global const float *geometric, __global const float2 *u, __global const int *technique,
-    const int lobes, __constant float *alphas, __constant float *counts, __global float *towards, __global float *ray_origin,
+    __global const float *origin, __global const float *geometric, __global const float *first_alpha, __global const float2 *u,
+    __global const int *technique, const int lobes, __constant float *alphas, __constant float *counts, __global float *towards, __global float *ray_origin,
     __global float *ray_direction, __global float *ray_length, __global float *density)
 {
     uint i = get_global_id(0);
@@ -56,16 +59,17 @@ __kernel void draw_rays(
     size_t s = first + i / rays;
     uint k = i % rays;
     float3 e = load3(eye, s), l;
+    float narrowest = first_alpha[s];
     int t = technique[k];
     float2 x = u[s * rays + k];
     if (t == 0) {
         l = (float3)(sqrt(x.x) * cos_sin_of_turn(x.y), sqrt(larger(1.0f - x.x, 0.0f)));
     } else {
         float3 h;
-        mirrored_by_ggx(alphas[t - 1], e, x, &l, &h);
+        mirrored_by_ggx(ALPHA_OF(t - 1), e, x, &l, &h);
     }
     float3 d = world_from_local(frames, s, l), n = load3(geometric, s);
-    float expected = mixture_density(lobes, alphas, counts, e, l), below = inner(n, d);
+    float expected = mixture_density(narrowest, lobes, alphas, counts, e, l), below = inner(n, d);
     if (below < 0.0f) d -= 2.0f * below * n;
     put_channels(l, towards, s, row, k);
     store3(load3(origin, s), ray_origin, i);
@@ -184,7 +188,7 @@ __kernel void settle_rays(
 __kernel void draw_lights(
     const uint count, const uint first, const uint per_sample, const uint rays, const uint row, SCENE_PARAMETERS,
     __global const float *eye, __global const float *frames, __global const float *origin, __global const float *geometric,
-    __global const float2 *u, __global const uint *place, __global const int *drawn_of, __global const float *weight, const int lobes,
+    __global const float *first_alpha, __global const float2 *u, __global const uint *place, __global const int *drawn_of, __global const float *weight, const int lobes,
     __constant float *alphas, __constant float *counts, __global float *towards,
     __global float *fixed, __global float *fixed_specular, __global float *shadow_origin, __global float *shadow_direction,
     __global float *shadow_length)
@@ -196,10 +200,11 @@ __kernel void draw_lights(
     int chosen = drawn_of[3 * j];
     __global const float *source = sources + chosen * SOURCE;
     float3 p = load3(origin, s), e = load3(eye, s);
+    float narrowest = first_alpha[s];
     Arrival a = draw_source(SCENE, chosen, p, u[s * per_sample + j], (place[s] + drawn_of[3 * j + 2]) % DRAWN);
     float3 l = local_from_world(frames, s, a.direction);
     int shines = source[SRC_SAMPLED] > 0.0f && a.density > 0.0f && largest(a.radiance) > 0.0f && l.z > 0.0f && inner(load3(geometric, s), a.direction) > 0.0f;
-    float alone = source[SRC_ALONE] > 0.0f ? 0.0f : mixture_density(lobes, alphas, counts, e, l); /* rays do not meet what is alone */
+    float alone = source[SRC_ALONE] > 0.0f ? 0.0f : mixture_density(narrowest, lobes, alphas, counts, e, l); /* rays do not meet what is alone */
     float3 light = shines ? a.radiance * (weight[s] / (drawn_of[3 * j + 1] * a.density + alone)) : (float3)(0.0f);
     put_channels(l, towards, s, row, rays + j);
     put_channels(light * source[SRC_DIFFUSE], fixed, s, row, rays + j);

@@ -19,7 +19,8 @@ from numpy.typing import NDArray
 
 from usdslf.gpu.launch import GROUP, groups
 from usdslf.inference.columns import DeviceColumns
-from usdslf.inference.samples import SHARPEST, Beside, Samples
+from usdslf.inference.sample_rays import SHARPEST
+from usdslf.inference.samples import Beside, Samples
 from usdslf.light_field.light_field import LightField
 from usdslf.light_field.storage import constants_of
 from usdslf.sampling.hemisphere import SOLID_ANGLE, D, bin_directions

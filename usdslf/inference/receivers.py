@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from usdslf.inference.bilinear import TEXTURED, Bilinear, Tables
 from usdslf.inference.evidence import Evidence, evaluate_columns, mean_by, unchanging_radiance
 from usdslf.inference.residuals import relative_scale
-from usdslf.inference.samples import SHARPEST
+from usdslf.inference.sample_rays import SHARPEST
 from usdslf.light_field.light_field import LightField
 from usdslf.light_field.links import element_of, is_link
 from usdslf.light_field.surface import Surface

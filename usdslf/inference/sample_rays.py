@@ -27,8 +27,9 @@ from usdslf.sampling.low_discrepancy import random_shifts, sobol_points
 from usdslf.surfaces.reflectance import lobe_parameter
 from usdslf.surfaces.surface_points import SurfacePoints
 
-LOBE_ROUGHNESS = (0.08, 0.22, 0.42, 0.7)  # of the rays; the first is less where the surface is sharper
-LIGHT_RAYS = 4  # of a sample to each light
+SHARPEST = 0.04  # roughness; sharper lobes count as this
+LOBE_ROUGHNESS = (0.08, 0.22, 0.42, 0.7)  # of the rays; the first is less at points that are sharper
+LIGHT_RAYS = 8  # of a sample to each light
 LEAST_REFLECTED = 1e-3  # of what a surface sends, below which rounding is all that is left beside its own light
 MOST_OF_LINK = 1e3  # times what the light field has, that a picture may see along a ray
 LANES = 16  # numbers that lie side by side
@@ -67,7 +68,6 @@ class Trace:
 
     light: Pictured
     rays: int
-    sharpest: float  # roughness of the first lobe
     rng: np.random.Generator = field(default_factory=lambda: np.random.default_rng(7))
 
     @property
@@ -82,7 +82,7 @@ class Trace:
     def mixture(self) -> tuple[np.int32, Any, Any]:
         """The number of lobes, their widths and the rays of each technique, on the device."""
         upload = self.light.field.device.upload
-        alphas = lobe_parameter("preview_surface", (self.sharpest, *LOBE_ROUGHNESS[1:])).astype(np.float32)
+        alphas = lobe_parameter("preview_surface", LOBE_ROUGHNESS).astype(np.float32)
         return np.int32(len(alphas)), upload(alphas), upload(self.counts.astype(np.float32))
 
     @cached_property
@@ -110,7 +110,8 @@ def trace_rays(p: Points, t: Trace) -> RayLight:
         device.empty((s * t.rays, 4), np.float32), t.rays,
     )  # fmt: skip
     upload = lambda x: device.upload(np.asarray(x, np.float32))  # noqa: E731
-    places = tuple(upload(x) for x in (p.eye, p.frames, p.origin, p.geometric))
+    narrowest = lobe_parameter("preview_surface", np.clip(p.surface.roughness, SHARPEST, LOBE_ROUGHNESS[0]))
+    places = tuple(upload(x) for x in (p.eye, p.frames, p.origin, p.geometric, narrowest))
     weight_d = upload(p.weight)
     u_d = upload(np.concatenate([_points_of_dabs(int(c), p.dab, t.rng) for c in t.counts], 1))
     with t.light.room.lock:

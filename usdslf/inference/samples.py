@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from usdslf.inference.footprint import Mixture, footprint, is_of_picture, mixed_footprint
 from usdslf.inference.pictured import Pictured
-from usdslf.inference.sample_rays import LOBE_ROUGHNESS, Points, RayLight, Trace, trace_rays
+from usdslf.inference.sample_rays import Points, RayLight, Trace, trace_rays
 from usdslf.light_field.importance import seen_from
 from usdslf.light_field.light_field import LightField
 from usdslf.lights.sources import LightSet
@@ -28,7 +28,6 @@ SAMPLES = (96, 384)  # least and most of a dab; detail varies over it more than 
 MOST_DABS = 128
 RAYS = 4608  # of a dab, and of a stroke no more than:
 MOST_RAYS = 32 * RAYS  # many dabs share what few have
-SHARPEST = 0.04  # roughness; sharper lobes count as this
 UNBENT = 1 - 1e-4  # cosine of a normal to itself, after it was turned to the eye
 ELSEWHERE = 96  # unpainted points of the painted materials
 
@@ -147,10 +146,9 @@ def trace_samples(
     origin = light.tracer.offset_points(surface.position, geometric, surface.triangle)
     counts = np.ones(len(dab), np.float32) if weight is None else weight.astype(np.float32)
     points = Points(dab, surface, side, e, frames, geometric, origin, counts)
-    sharpest = float(np.clip(np.median(surface.roughness), SHARPEST, LOBE_ROUGHNESS[0]))
     horizon = np.einsum("sij,sj->si", frames, geometric).astype(np.float32)
     is_bent = (seen * shading).sum(1) < UNBENT
-    return Samples(dab, surface, side, e, trace_rays(points, Trace(light, rays, sharpest)), horizon, is_bent, weight)
+    return Samples(dab, surface, side, e, trace_rays(points, Trace(light, rays)), horizon, is_bent, weight)
 
 
 def _elsewhere(field: LightField, tracer: RayTracer, materials: NDArray, eye: NDArray) -> NDArray[np.int64]:
