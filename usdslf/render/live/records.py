@@ -66,7 +66,7 @@ SHARP_PDF = 8.0  # [1/sr] density from which on a ray counts as a reflection
 CAUSTIC_ROUGHNESS = 0.35
 # What surfaces send along one ray of a wide lobe may bring this many times the mean of all light that arrives at
 # the nearest element, or about it; more is cut off.  It is the one place where light is clamped.
-RAY_MOST = 8.0
+RAY_MOST = 16.0
 
 _FLOATS = {
     "MIN_ALPHA": MIN_ALPHA, "OFFSET": ULPS * 2**-23, "WIDE_PDF": WIDE_PDF, "SHARP_PDF": SHARP_PDF,
