@@ -15,8 +15,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from usdslf.gpu.ahead import built_ahead
 from usdslf.progress import step, tell, tell_during
-from usdslf.render.live.ahead import built_ahead
+from usdslf.render.live.ahead import programs_of_pictures
 from usdslf.render.live.picture import LivePicture
 from usdslf.scene.records import Camera
 from usdslf.shot import Shot
@@ -81,7 +82,7 @@ def live_picture(
     """
     if look is not None:
         shot = shot.edited(_path_of(look))
-    with built_ahead(shot.device_name, shot.model):
+    with built_ahead(shot.device_name, programs_of_pictures(shot.model)):
         if shot.kept:
             shot.kept.name_all()
         shot.later_tracer.begin()

@@ -21,6 +21,8 @@ import numpy as np
 from usdslf.edits.edits import MaterialChange
 from usdslf.edits.unwritten import materials_under
 from usdslf.errors import SolveError, StrokeError
+from usdslf.gpu.ahead import built_ahead
+from usdslf.inference.ahead import programs_of_answers
 from usdslf.inference.answer_residuals import residual_as_preview
 from usdslf.inference.answers import Answer, Painted, Pool
 from usdslf.inference.changes import changes_of
@@ -249,13 +251,9 @@ def find_solution(shot: Shot, strokes: Sequence[Stroke], settings: Settings | No
     asked = [replace(stroke, norm=s.norm) if s.norm else stroke for stroke in active]
     seconds: dict[str, float] = {}
     said: list[str] = []
-    light = shot.light_field
-    with step("evidence", seconds):
-        painted = []
-        for stroke in asked:
-            gather = partial(gather_stroke, stroke, shot.scene, shot.pictured)
-            painted.append(tell_during(partial(shot.gathered.of, stroke, gather, said)))
-            tell(len(painted) / len(asked))
+    with built_ahead(shot.device, programs_of_answers(shot.model)):
+        light = shot.light_field
+        painted = _gathered(shot, asked, said, seconds)
     with step("solve", seconds):
         name = name_of("answers", [p.name for p in painted], s, shot.bounces)
         find = lambda own: _answers(shot, light, painted, s, own)  # noqa: E731
@@ -270,6 +268,17 @@ def find_solution(shot: Shot, strokes: Sequence[Stroke], settings: Settings | No
         tuple(active), found.answers, None, tuple(painted), MappingProxyType(found.as_preview), found.left_out,
         s, tuple(said), MappingProxyType(seconds),
     )  # fmt: skip
+
+
+def _gathered(shot: Shot, asked: list[Stroke], said: list[str], seconds: dict[str, float]) -> list[Painted]:
+    """The strokes with what was traced for them."""
+    painted: list[Painted] = []
+    with step("evidence", seconds):
+        for stroke in asked:
+            gather = partial(gather_stroke, stroke, shot.scene, shot.pictured)
+            painted.append(tell_during(partial(shot.gathered.of, stroke, gather, said)))
+            tell(len(painted) / len(asked))
+    return painted
 
 
 @dataclass(frozen=True)

@@ -191,6 +191,9 @@ class Device:
     def kernel(self, stem: str, function: str, **constants: Any) -> Kernel:
         """Returns the kernel `function` of kernels/<stem>.cl, built with `constants` as macros."""
         key, built = (stem, *sorted(constants.items())), self._programs.built
+        known = self._kernels.get((*key, function))
+        if known is not None:  # whatever is being built
+            return known
         with self._programs.building:
             if (*key, function) not in self._kernels:
                 self._build_once(stem, constants)
@@ -206,6 +209,10 @@ class Device:
         """Builds what `kernel` will ask for; without Python's lock, on any thread."""
         with self._programs.building:
             self._build_once(stem, constants)
+
+    def has_built(self, stem: str, **constants: Any) -> bool:
+        """Whether `build` has nothing left to do."""
+        return (stem, *sorted(constants.items())) in self._programs.built
 
     def _build_once(self, stem: str, constants: dict[str, Any]) -> None:
         key = (stem, *sorted(constants.items()))

@@ -12,7 +12,7 @@ from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from copy import copy
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property, partial
 from typing import Any
 
@@ -28,6 +28,7 @@ from usdslf.light_field.blocks import LANES, Blocks, Chunk, blocks_of_surface, b
 from usdslf.light_field.incoming import Incoming
 from usdslf.light_field.links import follow_links, link_rays
 from usdslf.light_field.preconvolution import LevelKernel, build_level, fresnel_diffuse
+from usdslf.light_field.scratch import CHUNK_BLOCKS, Scratch, taken
 from usdslf.light_field.storage import USUAL, Storage, constants_of, require_device
 from usdslf.light_field.surface import CHANGED, Surface, changed_rows, relative_changes
 from usdslf.light_field.symmetry import ALIKE, QUARTER, SIZES, blocks_of
@@ -36,31 +37,8 @@ from usdslf.progress import tell
 from usdslf.sampling.hemisphere import D, bin_directions
 from usdslf.surfaces.reflectance import roughness_levels
 
-CHUNK_BLOCKS = 24  # blocks whose light stays in the caches of a CPU
 MOST_SPARE = 1 << 28  # bytes of a light field that is kept to be lent again
 LAUNCHED = 4  # chunks that are waited for, so that work can be cancelled between them
-
-
-@dataclass
-class _Scratch:
-    """Arrays that bounces of one light field write to."""
-
-    next_d: Any  # (N, D, 3)
-    light_d: Any  # (CHUNK_BLOCKS, D, 3, LANES)
-    sharp_d: Any  # the same, of what sharp lobes reflect
-    folded_d: Any  # (CHUNK_BLOCKS, D / 4, 3, LANES) in the basis of symmetry.py
-    answer_d: Any  # (CHUNK_BLOCKS, D / 4, Y A B A B, 3, LANES) in that basis
-    e_part_d: Any
-    e_pi_d: Any
-    difference_d: Any  # (N, 2)
-
-    @staticmethod
-    def of(device: Device, n: int, storage: Storage) -> _Scratch:
-        make = lambda *shape: device.empty((CHUNK_BLOCKS, *shape, LANES), np.float32)  # noqa: E731
-        return _Scratch(
-            device.empty((n, D, 3), storage.dtype), make(D, 3), make(D, 3), make(D // 4, 3), make(D // 4, 15),
-            make(ALIKE, 3), make(3), device.empty((n, 2), np.float32),
-        )  # fmt: skip
 
 
 class LightField:
@@ -95,7 +73,8 @@ class LightField:
         self.incoming = Incoming(device, lambda: links().hit, light, storage)
         self.frames_d = device.upload(np.ascontiguousarray(elements.frame, np.float32))
         self.outgoing_d = device.zeros((n, D, 3), storage.dtype) if radiance_d is None else radiance_d
-        self._scratch_d: _Scratch | None = None
+        self._scratch_d: Scratch | None = None
+        self._idle: deque[Scratch] = deque(maxlen=1)  # for the next one that is lent, whose pages are there already
         z = bin_directions()[:, 2]
         self.cosine_d = device.upload((z / z.sum()).astype(np.float32))
         y, y_scale = fresnel_diffuse(device, model)
@@ -119,7 +98,7 @@ class LightField:
         vars(self).setdefault("sent", self.sent)  # found once, the copy has it too
         other = copy(self)
         other.outgoing_d, other._scratch_d, other.waits = self.device.copied(self.outgoing_d), None, self.waits.copy()
-        other.renewed, other._spare = [], deque(maxlen=1)
+        other.renewed, other._spare, other._idle = [], deque(maxlen=1), deque(maxlen=1)
         if surface is not self.surface:
             other.set_surface(surface)
         return other
@@ -141,6 +120,7 @@ class LightField:
             other, of = self._spare.pop()
         except IndexError:
             other, of = self.with_surface(self.surface), before
+            other._scratch_d = taken(self._idle)
         if of is not before:
             other = self.with_surface(self.surface)
         other.renewed = []
@@ -171,7 +151,9 @@ class LightField:
         return self.device.download(self.outgoing_d).astype(np.float32, copy=False)
 
     def rest(self) -> None:
-        """Gives memory back that only bounces need."""
+        """Gives memory back that only bounces need; what is not large stays for one that is lent."""
+        if self._scratch_d and self.outgoing_d.nbytes <= MOST_SPARE:
+            self._idle.append(self._scratch_d)
         self._scratch_d = None
 
     def gather(self, chunk: Chunk, light_d: Any) -> None:
@@ -196,9 +178,10 @@ class LightField:
         return self.device.kernel("light_field", name, **constants_of(self.outgoing_d), **constants)
 
     @property
-    def _scratch(self) -> _Scratch:
+    def _scratch(self) -> Scratch:
         if self._scratch_d is None:
-            self._scratch_d = _Scratch.of(self.device, len(self.elements), self.storage)
+            idle = taken(self._idle)
+            self._scratch_d = idle or Scratch.of(self.device, len(self.elements), self.storage)
         return self._scratch_d
 
     @property
