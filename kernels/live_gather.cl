@@ -1,11 +1,9 @@
 /* live_gather.cl: the light that arrives at the surfaces of a live picture, one frame at a time.
  *
  *     draw_first      of each row: a direction towards each source, one of its specular lobes, one of its diffuse lobe
- *     arrive_first    what the rays of the lobes met; which of them are followed
- *     gather_paths    those that are followed, side by side
- *     scatter         at the surfaces that they met: one sample of one source, one ray onwards
- *     arrive_on_path  what that brought
+ *     arrive_first    what the rays of the lobes met; which of them are followed (live_paths.cl)
  *     add_frame       all of it, added to the columns of the rows
+ *     add_paths       what rays that were followed brought, later
  *
  * Light without the surface's colours, as of render/gather.py: L = d [(1 - F0) X + (1 - F90) Y] + F0 A + F90 B + coat.  X and Y
  * are estimated by sources and the diffuse ray, A, B and coat by sources and the specular ray, each by the balance heuristic
@@ -160,15 +158,14 @@ __kernel void draw_first(
 
 /* ── what arrives there ── */
 
-/* rays of the first surfaces, of row_count rows, once or twice: arrived (n, 8) of lights, of surfaces, and whether each is followed
+/* rays of the first surfaces: arrived (n, 8) of lights, of surfaces, and whether each is followed
  * entry_of, who, weight: of live_entries.cl */
 __kernel void arrive_first(
     const uint count, const int may_follow, SCENE_PARAMETERS, FIELD_PARAMETERS,
     __global const float *ray_origin, __global const float *ray_direction, __global const float *ray_length,
     __global const int *triangle, __global const float *u_of, __global const float *v_of, __global const float *distance,
     __global const float *drawn_ray, __global const uint *entry_of, __global const uint *who, __global const float *weight,
-    const uint row_count, __global const uint *rows, __global const uint *identity,
-    __global float *arrived, __global float *state, __global uchar *followed)
+    __global float *arrived, __global uchar *followed)
 {
     size_t i = get_global_id(0);
     if (i >= count) return;
@@ -188,166 +185,23 @@ __kernel void arrive_first(
                 bounced = known_by(SCENE, FIELD, d, t, u_of[i], v_of[i], lobe_pdf, vload4(i, who), vload4(i, weight), &follows);
             }
             followed[i] = follows;
-            __global float *s = state + i * PATH;
-            s[0] = s[1] = s[2] = 1.0f;
-            s[3] = lobe_pdf;
-            s[4] = as_float((uint)i);
-            s[10] = as_float(2u * identity[rows[i % row_count]] + (uint)(i >= row_count));
         }
     }
     put3(lit, out, 0);
     put3(bounced, out, 3);
 }
 
-/* ── rays that are followed ── */
-
-/* what paths need at the surfaces that they met, side by side */
-__kernel void gather_paths(
-    const uint count, __global const int *who, __global const float *direction, __global const int *triangle,
-    __global const float *u_of, __global const float *v_of, __global const float *state,
-    __global float *direction_to, __global int *triangle_to, __global float *u_to, __global float *v_to, __global float *state_to,
-    __global float *least_roughness)
-{
-    size_t i = get_global_id(0);
-    if (i >= count) return;
-    size_t from = who[i];
-    store3(load3(direction, from), direction_to, i);
-    triangle_to[i] = triangle[from];
-    u_to[i] = u_of[from];
-    v_to[i] = v_of[from];
-    #pragma unroll
-    for (int k = 0; k < PATH; k++) state_to[i * PATH + k] = state[from * PATH + k];
-    least_roughness[i] = state[from * PATH + 3] < SHARP_PDF ? CAUSTIC_ROUGHNESS : 0.0f;
-}
-
-/* state (PATH): throughput, least density so far, number of the first ray; then of the ray onwards its density and whether it
- * was folded up, what the sampled source brings where it is seen, and a number of the first ray's own */
-__kernel void scatter(
-    const uint count, const uint seed, __global const float *surfaces, SCENE_PARAMETERS, __global float *state,
-    __global float *shadow_origin, __global float *shadow_direction, __global float *shadow_length,
-    __global float *ray_origin, __global float *ray_direction, __global float *ray_length)
-{
-    size_t i = get_global_id(0);
-    if (i >= count) return;
-    __global const float *surface = surfaces + i * SURFACE;
-    __global float *s = state + i * PATH;
-    Lobe lobe = lobe_of(surface);
-    float3 p = row3(surface, POSITION), start = start_of(surface), geometric = row3(surface, GEOMETRIC);
-    uint random_state = as_uint(s[10]) * 9781u + seed;
-    random(&random_state);
-    float cover = surface[COVER], opacity = fabs(cover);
-    /* a ray is stopped here with the probability `opacity`; what is reflected is not scaled by that */
-    float3 throughput = row3(s, 0) * ((cover < 0.0f ? opacity : 1.0f) / larger(opacity, 0.05f));
-    float g = 1.0f - lobe.e.z, g2 = g * g, f = g2 * g2 * g;
-    float3 f0 = row3(surface, F_ZERO);
-    float specular = bright(f0 + (row3(surface, F_NINETY) - f0) * f), diffuse = bright(row3(surface, DIFFUSE));
-    float coat_chance = 0.25f * lobe.coat;
-    float share = diffuse > 1e-4f * specular ? within(specular / larger(specular + diffuse, 1e-6f), 0.2f, 0.85f) : 1.0f;
-    float specular_chance = share * (1.0f - coat_chance);
-    float diffuse_chance = 1.0f - specular_chance - coat_chance;
-    float w[WEIGHTS], lobe_pdf, coat_pdf;
-
-    shadow_length[i] = 0.0f;
-    float chance;
-    int chosen = choose_source(sources, source_count, p, random(&random_state), &chance);
-    float2 u;
-    u.x = random(&random_state);
-    u.y = random(&random_state);
-    float3 shone = (float3)(0.0f);
-    if (chosen >= 0) {
-        __global const float *source = sources + chosen * SOURCE;
-        Arrival a = draw_source(SCENE, chosen, p, u, (uint)(u.x * DRAWN));
-        float3 l = local_in(lobe, a.direction);
-        if (a.density > 0.0f && l.z > 0.0f && inner(geometric, a.direction) > 0.0f) {
-            weights_of(lobe, l, unit(lobe.e + l), w, &lobe_pdf, &coat_pdf);
-            float pdf = diffuse_chance * l.z / PI_F + specular_chance * lobe_pdf + coat_chance * coat_pdf;
-            float sampled = a.density * chance;
-            float of = 1.0f / (source[SRC_ALONE] > 0.0f ? sampled : sampled + pdf);
-            #pragma unroll
-            for (int k = 0; k < WEIGHTS; k++) w[k] *= of * source[k < DIFFUSE_COLUMNS ? SRC_DIFFUSE : SRC_SPECULAR];
-            shone = throughput * reflected(surface, w) * a.radiance;
-            if (largest(shone) > 0.0f) {
-                store3(start, shadow_origin, i);
-                store3(a.direction, shadow_direction, i);
-                shadow_length[i] = lesser(a.distance * (1.0f - 1e-4f), 1e37f);
-            }
-        }
-    }
-    put3(shone, s, 7);
-
-    ray_length[i] = 0.0f;
-    float x = random(&random_state);
-    u.x = random(&random_state);
-    u.y = random(&random_state);
-    float3 l, h;
-    if (x < specular_chance + coat_chance) {
-        mirrored_by(x < specular_chance ? lobe.alpha : lobe.coat_alpha, lobe.e, u, &l, &h);
-    } else {
-        l = cosine_direction(u);
-        h = unit(lobe.e + l);
-    }
-    if (!(l.z > 0.0f)) return;
-    weights_of(lobe, l, h, w, &lobe_pdf, &coat_pdf);
-    float pdf = diffuse_chance * l.z / PI_F + specular_chance * lobe_pdf + coat_chance * coat_pdf;
-    if (!(pdf > 0.0f)) return;
-    #pragma unroll
-    for (int k = 0; k < WEIGHTS; k++) w[k] /= pdf;
-    throughput *= reflected(surface, w);
-    float most = largest(throughput); /* paths that bring little end by chance */
-    if (!(most > 0.0f)) return;
-    if (most < LITTLE) {
-        if (random(&random_state) * LITTLE >= most) return;
-        throughput *= LITTLE / most;
-    }
-    float3 d = world_from(lobe, l);
-    put3(throughput, s, 0);
-    s[3] = lesser(s[3], pdf);
-    s[5] = pdf;
-    s[6] = fold(geometric, &d) ? 1.0f : 0.0f;
-    store3(start, ray_origin, i);
-    store3(d, ray_direction, i);
-    ray_length[i] = 1e37f;
-}
-
-/* blocked (n): whether something is between a surface and the source that was drawn there */
-__kernel void arrive_on_path(
-    const uint count, const int may_follow, SCENE_PARAMETERS, FIELD_PARAMETERS,
-    __global const float *ray_origin, __global const float *ray_direction, __global const float *ray_length,
-    __global const int *triangle, __global const float *u_of, __global const float *v_of, __global const float *distance,
-    __global const float *shadow_length, __global const uchar *blocked, __global const float *state, __global float *arrived,
-    __global uchar *followed)
-{
-    size_t i = get_global_id(0);
-    if (i >= count) return;
-    __global const float *s = state + i * PATH;
-    float3 sum = shadow_length[i] > 0.0f && !blocked[i] ? row3(s, 7) : (float3)(0.0f);
-    followed[i] = 0;
-    if (ray_length[i] > 0.0f) {
-        float3 p = load3(ray_origin, i), d = load3(ray_direction, i);
-        int t = triangle[i];
-        float pdf = s[5];
-        float3 light = lit_along(SCENE, p, d, t, u_of[i], v_of[i], distance[i], pdf, s[6] > 0.0f, 0);
-        if (t >= 0) {
-            int follows = may_follow;
-            light += known_along(SCENE, FIELD, p, d, t, u_of[i], v_of[i], distance[i], pdf, &follows);
-            followed[i] = follows;
-        }
-        sum += row3(s, 0) * light;
-    }
-    __global float *out = arrived + (size_t)as_uint(s[4]) * 8;
-    put3(row3(out, 3) + sum, out, 3);
-}
-
 /* ── the sum ── */
 
 /* adds a frame to the columns (rows, COLUMNS) of X and Y of sources, of X and Y of surfaces, A, B and coat, and to `moments`
- * (rows, 2) the luminance that the rows send and its square
+ * (rows, 2) the luminance that the rows send and its square; latest (rows): the luminance of this frame
  * arriving (N): mean light at the elements, RAY_MOST of which a ray of a wide lobe may bring */
 __kernel void add_frame(
     const uint count, __global const uint *rows, const int streams, const int sends_diffuse,
     __global const float *surfaces, __global const float *shadow_length,
     __global const uchar *blocked, __global const float *shone, __global const float *ray_length, __global const float *drawn_ray,
-    __global const float *arrived, __global const float *arriving, __global float *columns, __global float *moments)
+    __global const float *arrived, __global const float *arriving, __global float *columns, __global float *moments,
+    __global float *latest)
 {
     size_t i = get_global_id(0);
     if (i >= count) return;
@@ -392,4 +246,28 @@ __kernel void add_frame(
     float l = bright(of_columns(surface, direct[0] + soft[0], direct[1] + soft[1], direct[2], direct[3], direct[4]));
     moments[2 * row] += l;
     moments[2 * row + 1] += l * l;
+    latest[row] = l;
+}
+
+/* adds what paths brought to the frame that they are of; no two of these have one row
+ * queued (n, QUEUED): of queue_paths of live_paths.cl, `first` of which is the first; others as above */
+__kernel void add_paths(
+    const uint count, const uint first, __global const float *queued, __global const float *surfaces,
+    __global const float *arriving, __global float *columns, __global float *moments, __global float *latest)
+{
+    size_t i = get_global_id(0);
+    if (i >= count) return;
+    __global const float *path = queued + (first + i) * QUEUED, *ray = path + Q_RAY;
+    size_t row = as_uint(path[Q_ROW]);
+    float3 brought = held_back(ray, row3(path, Q_LIGHT), arriving), of[WEIGHTS];
+    __global float *out = columns + row * COLUMNS;
+    #pragma unroll
+    for (int k = 0; k < WEIGHTS; k++) {
+        of[k] = ray[RAY_WEIGHTS + k] * brought;
+        put3(row3(out, 6 + 3 * k) + of[k], out, 6 + 3 * k);
+    }
+    float l = bright(of_columns(surfaces + row * SURFACE, of[0], of[1], of[2], of[3], of[4])), before = latest[row];
+    moments[2 * row] += l;
+    moments[2 * row + 1] += l * (l + 2.0f * before);
+    latest[row] = before + l;
 }

@@ -3,6 +3,7 @@
  *
  *     tile_rows     how large the tile of each sample is for specular light
  *     add_samples   one ray of each kind, added to the sums
+ *     add_paths_to_sums  what rays that were followed brought, later
  *     scale_sums    of samples that have got more rays than others
  *     add_radiance  sums and colours to radiance
  *
@@ -114,6 +115,23 @@ __kernel void add_samples(
     if (bounced != far) vstore16((is_first ? zero : vload16(row, bounced)) + sums[2], row, bounced);
     vstore16((is_first ? zero : vload16(row, far)) + sums[1], row, far);
     store3((is_first ? (float3)(0.0f) : load3(exact, row)) + at_once, exact, row);
+}
+
+/* adds what paths brought to the frame that they are of; no two of these have one row; arguments as of add_paths of live_gather.cl */
+__kernel void add_paths_to_sums(
+    const uint count, const uint first, __global const float *queued, __global const float *surfaces,
+    __global const float *arriving, __global float *bounced, __global float *sent)
+{
+    size_t i = get_global_id(0);
+    if (i >= count) return;
+    __global const float *path = queued + (first + i) * QUEUED, *ray = path + Q_RAY;
+    size_t row = as_uint(path[Q_ROW]);
+    float w[WEIGHTS];
+    #pragma unroll
+    for (int k = 0; k < WEIGHTS; k++) w[k] = ray[RAY_WEIGHTS + k];
+    float16 light = weighted(w, held_back(ray, row3(path, Q_LIGHT), arriving));
+    vstore16(vload16(row, bounced) + light, row, bounced);
+    sent[row] += bright(of_sums(surfaces + row * SURFACE, light));
 }
 
 /* radiance (rows, 3) in and out: scale times what colours make of light */

@@ -132,6 +132,7 @@ __kernel void arrive(
             s[3] = expected / rays;
             s[4] = as_float(i);
             s[10] = as_float(first + i);
+            s[11] = as_float(1u);
         }
     }
     put3(lit, arrived + (size_t)i * 8, 0);

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 from usdslf.light_field.light_field import LightField
 from usdslf.lights.sources import LightSet
 from usdslf.render.live import records as r
-from usdslf.render.live.gather import PathRoom
 from usdslf.render.live.materials import MaterialTable
+from usdslf.render.live.paths import PathRoom
 from usdslf.render.live.scene import Geometry, LiveScene, SentLight
 
 if TYPE_CHECKING:

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from usdslf.gpu.launch import GROUP, groups
 from usdslf.inference.pictured import Pictured
 from usdslf.progress import tell
-from usdslf.render.live.gather import BATCH, follow
+from usdslf.render.live.paths import BATCH, Brought, follow
 from usdslf.render.live.scene import Shadows
 from usdslf.sampling.low_discrepancy import random_shifts, sobol_points
 from usdslf.surfaces.reflectance import lobe_parameter
@@ -151,7 +151,9 @@ def _trace_rays(
         *met, hits.distance, density_d, is_split, t.light.sources[1], out.links_d, out.weights_d, room.arrived,
         specular_d, room.state, room.followed,
     )  # fmt: skip
-    follow(scene, room, n, depth, 1)
+    room.followed.pull()
+    who = np.flatnonzero(room.followed.host[:n])
+    follow(scene, room, (hits, room.state), who, Brought(room.arrived, 8), depth)
     t.kernel("settle_rays")(
         groups(n), (GROUP,), np.uint32(n), np.uint32(first), rays, row, np.int32(depth > 0),
         np.float32(LEAST_REFLECTED), np.float32(MOST_OF_LINK), *scene.arguments(), scene.light.outgoing_d, *met,

@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-import threading
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from usdslf.elements.lookup import BLEND
 from usdslf.gpu.launch import GROUP, groups
 from usdslf.gpu.shared import Shared
 from usdslf.render.guide import SHARE
 from usdslf.render.live import records as r
-from usdslf.render.live.closer import counting
-from usdslf.render.live.scene import Geometry, Hits, LiveScene, Shadows
+from usdslf.render.live.paths import BATCH, Adder, PathQueue, PathRoom, Sent
+from usdslf.render.live.scene import Geometry, LiveScene, Shadows
 from usdslf.render.live.view import Rows
 from usdslf.render.settings import MAX_DEPTH
 from usdslf.sampling.low_discrepancy import random_shifts, scrambled_points, sobol_points
@@ -24,7 +21,6 @@ from usdslf.sampling.low_discrepancy import random_shifts, scrambled_points, sob
 SHARED_FRAMES = 4  # in which all tiles draw the same numbers, so that filtered light has no noise
 CHOICES = 16  # sets of numbers of specular lobes, of which one is taken
 SHARED_SIZES = (16, 32, 64, 128, 256, 512)  # numbers that the samples of a tile may share
-BATCH = 1 << 16  # rows that are gathered at once
 
 
 class Columns:
@@ -34,24 +30,7 @@ class Columns:
         device = geometry.device
         self.sums = Shared(device, (max(count, 1), r.COLUMNS), np.float32)
         self.moments = Shared(device, (max(count, 1), 2), np.float32)
-
-
-class PathRoom:
-    """Room for 2 * BATCH rays, and for following some of them."""
-
-    def __init__(self, geometry: Geometry) -> None:
-        device = geometry.device
-        self.lock = threading.RLock()  # of all that works with it
-        make = lambda shape, dtype=np.float32: Shared(device, shape, dtype)  # noqa: E731
-        self.lobes, self.paths = Hits(device, 2 * BATCH), Hits(device, 2 * BATCH)
-        self.path_shadows = Shadows(device, 2 * BATCH)
-        self.arrived, self.surface = make((2 * BATCH, 8)), make((2 * BATCH, r.SURFACE))
-        self.state, self.path_state = make((2 * BATCH, r.PATH)), make((2 * BATCH, r.PATH))
-        self.more_paths, self.more_state = Hits(device, 2 * BATCH), make((2 * BATCH, r.PATH))
-        self.entry, self.weight = make((2 * BATCH,), np.uint32), make((2 * BATCH, BLEND))
-        self.elements = make((2 * BATCH, BLEND), np.uint32)
-        self.followed, self.who = make((2 * BATCH,), np.uint8), make((2 * BATCH,), np.int32)
-        self.all = counting(device, 2 * BATCH)
+        self.latest = Shared(device, (max(count, 1),), np.float32, is_clean=False)  # luminance of the last frame
 
 
 class GatherRoom(PathRoom):
@@ -66,6 +45,7 @@ class GatherRoom(PathRoom):
         self.to_sources = Shadows(device, max(streams, 1) * BATCH)
         self.shone, self.drawn = make((max(streams, 1) * BATCH, 8)), make((2 * BATCH, r.DRAWN_RAY))
         self.rows = make((BATCH,), np.uint32)
+        self.queue = PathQueue.of(geometry, self)
         self._numbers: tuple[tuple[int, int, bool], Any] = ((-1, 0, False), None)
 
     def numbers(self, draw: Draw) -> Any:
@@ -127,14 +107,16 @@ def _even_tailed(draw: Draw) -> NDArray[np.uint32]:
 
 
 def gather_batch(
-    scene: LiveScene, room: GatherRoom, part: Rows, rows: NDArray[np.uint32], draw: Draw, add: Callable[[int], None]
+    scene: LiveScene, room: GatherRoom, part: Rows, rows: NDArray[np.uint32], draw: Draw, adder: Adder
 ) -> None:
     """Gathers one ray towards each source, and one of each lobe, for some rows of a part.
+
+    What rays bring that have to be followed is missing until the room's queue is asked to follow them.
 
     Args:
         rows: (n,) of the part, BATCH at most; they stand in the room's.
         draw: which numbers they take.
-        add: what is done with what has come to the room, of the first n.
+        adder: of what has come to the room.
     """
     g = scene.geometry
     count, streams = len(rows), g.sources.streams
@@ -158,10 +140,12 @@ def gather_batch(
     g.kernel("live_gather", "arrive_first")(
         groups(sent), (GROUP,), np.uint32(sent), np.int32(draw.depth > 0), *shared, *field, lobes.origin,
         lobes.direction, lobes.length, lobes.triangle, lobes.u, lobes.v, lobes.distance, room.drawn,
-        room.entry, room.elements, room.weight, n, room.rows, part.identity, room.arrived, room.state, room.followed,
+        room.entry, room.elements, room.weight, room.arrived, room.followed,
     )  # fmt: skip
-    follow(scene, room, sent, draw.depth, draw.seed)
-    add(count)
+    if draw.depth:
+        batch = Sent(sent, count, room.rows, part.identity, room.drawn, draw.depth, draw.seed, adder)
+        room.queue.take(scene, batch)
+    adder.add_frame(count)
     g.device.finish()  # before the room is written to again
 
 
@@ -179,61 +163,30 @@ def _find_elements(scene: LiveScene, room: GatherRoom, sent: int, may_follow: bo
     )  # fmt: skip
 
 
-def add_frame(
-    scene: LiveScene, room: GatherRoom, part: Rows, columns: Columns, sends_diffuse: bool
-) -> Callable[[int], None]:
-    """Returns what adds a frame to the columns of the rows that stand in the room."""
-    g, lobes = scene.geometry, room.lobes
+@dataclass(frozen=True)
+class ColumnAdder:
+    """Adds a frame to the columns of some rows of a part."""
 
-    def add(count: int) -> None:
+    scene: LiveScene
+    room: GatherRoom
+    part: Rows
+    columns: Columns
+    sends_diffuse: bool
+
+    def add_frame(self, count: int) -> None:
+        """Adds what the rays of the first `count` rows in the room met."""
+        g, room, lobes, to = self.scene.geometry, self.room, self.room.lobes, self.columns
         g.kernel("live_gather", "add_frame")(
-            groups(count), (GROUP,), np.uint32(count), room.rows, np.int32(g.sources.streams), np.int32(sends_diffuse),
-            part.surface, room.to_sources.length, room.to_sources.blocked, room.shone, lobes.length, room.drawn,
-            room.arrived, scene.light.arriving_d, columns.sums, columns.moments,
+            groups(count), (GROUP,), np.uint32(count), room.rows, np.int32(g.sources.streams),
+            np.int32(self.sends_diffuse), self.part.surface, room.to_sources.length, room.to_sources.blocked,
+            room.shone, lobes.length, room.drawn, room.arrived, self.scene.light.arriving_d, to.sums, to.moments,
+            to.latest,
         )  # fmt: skip
 
-    return add
-
-
-def follow(scene: LiveScene, room: PathRoom, sent: int, most: int, seed: int) -> None:
-    """Follows rays that the light field has no good answer for, and adds what they bring to what has arrived.
-
-    Args:
-        room: its first `sent` rays have met something, and it says which of them are followed.
-        most: surfaces that each is followed to.
-        seed: of what they draw.
-    """
-    g = scene.geometry
-    shared, field = scene.arguments(), scene.field_arguments()
-    source, state, count = room.lobes, room.state, sent
-    spare, spare_state = room.paths, room.path_state
-    for depth in range(1, most + 1):
-        room.followed.pull()
-        who = np.flatnonzero(room.followed.host[:count])
-        count = len(who)
-        if not count:
-            return
-        room.who.host[:count] = who
-        room.who.push()
-        n = np.uint32(count)
-        g.kernel("live_gather", "gather_paths")(
-            groups(count), (GROUP,), n, room.who, source.direction, source.triangle, source.u, source.v, state,
-            spare.direction, spare.triangle, spare.u, spare.v, spare_state, spare.least_roughness,
+    def add_paths(self, first: int, count: int) -> None:
+        """Adds to the same frame what `count` paths of the queue brought."""
+        g, to = self.scene.geometry, self.columns
+        g.kernel("live_gather", "add_paths")(
+            groups(count), (GROUP,), np.uint32(count), np.uint32(first), self.room.queue.queued, self.part.surface,
+            self.scene.light.arriving_d, to.sums, to.moments, to.latest,
         )  # fmt: skip
-        scene.evaluate(spare, room.all, count, room.surface)
-        shadows = room.path_shadows
-        g.kernel("live_gather", "scatter")(
-            groups(count), (GROUP,), n, np.uint32((seed * 8 + depth) * 7919 % 2**32), room.surface, *shared,
-            spare_state, *shadows.arguments, spare.origin, spare.direction, spare.length,
-        )  # fmt: skip
-        shadows.trace(g.tracer, count)
-        spare.trace(g.tracer, count)
-        g.kernel("live_gather", "arrive_on_path")(
-            groups(count), (GROUP,), n, np.int32(depth < most), *shared, *field, spare.origin, spare.direction,
-            spare.length, spare.triangle, spare.u, spare.v, spare.distance, shadows.length, shadows.blocked,
-            spare_state, room.arrived, room.followed,
-        )  # fmt: skip
-        if depth == 1:  # the rays of the first surfaces are done with; their lengths and weights are kept apart
-            source, state, spare, spare_state = spare, spare_state, room.more_paths, room.more_state
-        else:
-            source, state, spare, spare_state = spare, spare_state, source, state

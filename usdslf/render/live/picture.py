@@ -27,7 +27,7 @@ from usdslf.lights.sources import LightSet, SurfaceEmission
 from usdslf.progress import tell
 from usdslf.render.live import records as r
 from usdslf.render.live.closer import look_closer
-from usdslf.render.live.gather import BATCH, Draw, GatherRoom, add_frame, gather_batch
+from usdslf.render.live.gather import BATCH, ColumnAdder, Draw, GatherRoom, gather_batch
 from usdslf.render.live.gathered import BORDER, Gathered, Group, Share, fewest_frames
 from usdslf.render.live.materials import MaterialTable
 from usdslf.render.live.scene import Geometry, LiveScene, SentLight
@@ -247,6 +247,7 @@ class LivePicture:
 
     def _show(self) -> None:
         """Makes the view and its columns those of this picture."""
+        self._room.queue.follow()  # of a frame that was cancelled
         if self.view.scene is not self.scene:
             self.view.show(self.scene)
         self._gathered.take(self._shares, self.view)
@@ -282,8 +283,8 @@ class LivePicture:
                 rows = np.concatenate([g.rows[g.begun : g.begun + n] for g, n in batch])
                 draw = Draw.of_live(batch[0][0].frames, self.scene.geometry.sources.has_even_dome)
                 columns = self._gathered.columns[p]
-                add = add_frame(self.scene, self._room, part, columns, draw.sends_diffuse)
-                gather_batch(self.scene, self._room, part, rows, draw, add)
+                adder = ColumnAdder(self.scene, self._room, part, columns, draw.sends_diffuse)
+                gather_batch(self.scene, self._room, part, rows, draw, adder)
                 for group, count in batch:
                     group.begun += count
                     if group.begun == len(group.rows):
@@ -291,6 +292,7 @@ class LivePicture:
                         waiting.popleft()
                 if waiting:
                     tell()
+        self._room.queue.follow()
 
     # ── the picture ────────────────────────────────────────────────────────────────────────────
 

@@ -81,6 +81,34 @@ class _Sums:
         return self.near, self.far, self.bounced, self.exact
 
 
+@dataclass(frozen=True)
+class SumAdder:
+    """Adds a frame to sums of light."""
+
+    scene: LiveScene
+    room: GatherRoom
+    part: Rows
+    sums: _Sums
+    is_first: bool
+
+    def add_frame(self, count: int) -> None:
+        """Adds what the rays of the first `count` rows in the room met."""
+        g, room, sums = self.scene.geometry, self.room, self.sums
+        g.kernel("live_still", "add_samples")(
+            groups(count), (GROUP,), np.uint32(count), room.rows, *g.sources.arrays[:3], np.int32(self.is_first),
+            self.part.surface, room.to_sources.length, room.to_sources.blocked, room.shone, room.lobes.length,
+            room.drawn, room.arrived, self.scene.light.arriving_d, *sums.arrays, sums.sent,
+        )  # fmt: skip
+
+    def add_paths(self, first: int, count: int) -> None:
+        """Adds to the same frame what `count` paths of the queue brought."""
+        g, sums = self.scene.geometry, self.sums
+        g.kernel("live_still", "add_paths_to_sums")(
+            groups(count), (GROUP,), np.uint32(count), np.uint32(first), self.room.queue.queued, self.part.surface,
+            self.scene.light.arriving_d, sums.bounced, sums.sent,
+        )  # fmt: skip
+
+
 class StillPicture:
     """A final picture in the making."""
 
@@ -238,6 +266,7 @@ class StillPicture:
         frames = self._gather(rows, there, sums, count, 0)
         noise = Noise(window, rows, there)
         for _ in frames:
+            self._room.queue.follow()
             noise.add(sums.sent)
         times, chosen = noise.uncertain(count)
         if len(chosen):
@@ -260,8 +289,12 @@ class StillPicture:
     def _gather(
         self, rows: Rows, there: NDArray[np.uint32], sums: _Sums, count: int, turn: int
     ) -> Iterator[None]:  # fmt: skip
-        """Adds frames to the sums of some rows, one by one; `turn` says which numbers they draw, 0: the sums' first."""
-        g, room = self.scene.geometry, self._room
+        """Adds frames to the sums of some rows, one by one; what rays that are followed bring is there at the end.
+
+        Args:
+            turn: which numbers they draw; 0: the sums' first.
+        """
+        room = self._room
         for frame in range(count):
             further, step = divmod(frame, MOST_FRAMES)
             of_turn, seed = min(MOST_FRAMES, count - further * MOST_FRAMES), turn + 1000 * self.options.seed
@@ -269,18 +302,12 @@ class StillPicture:
                 further + 1000 + seed, r.SET * of_turn, of_turn, step, 0, NEAR_TILE**2 - 1, True, True, True,
                 self.options.depth, frame + 1 + seed,
             )  # fmt: skip
-
-            def add(in_batch: int, is_first: bool = frame == 0 and turn == 0) -> None:
-                g.kernel("live_still", "add_samples")(
-                    groups(in_batch), (GROUP,), np.uint32(in_batch), room.rows, *g.sources.arrays[:3],
-                    np.int32(is_first), rows.surface, room.to_sources.length, room.to_sources.blocked, room.shone,
-                    room.lobes.length, room.drawn, room.arrived, self.scene.light.arriving_d, *sums.arrays, sums.sent,
-                )  # fmt: skip
-
+            adder = SumAdder(self.scene, room, rows, sums, frame == 0 and turn == 0)
             for first in range(0, len(there), BATCH):
-                gather_batch(self.scene, room, rows, there[first : first + BATCH], draw, add)
+                gather_batch(self.scene, room, rows, there[first : first + BATCH], draw, adder)
                 tell()
             yield
+        room.queue.follow()
 
     def _filtered(self, light: Shared, width: int, rows: Rows, listed: Shared, window: Window) -> Shared:
         """Averages light over a window, along rows and then along columns."""
