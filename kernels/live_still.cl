@@ -4,6 +4,7 @@
  *     tile_rows     how large the tile of each sample is for specular light
  *     add_samples   one ray of each kind, added to the sums
  *     add_paths_to_sums  what rays that were followed brought, later
+ *     sum_blocks    luminance of blocks of samples, which their noise is read from
  *     scale_sums    of samples that have got more rays than others
  *     add_radiance  sums and colours to radiance
  *
@@ -132,6 +133,21 @@ __kernel void add_paths_to_sums(
     float16 light = weighted(w, held_back(ray, row3(path, Q_LIGHT), arriving));
     vstore16(vload16(row, bounced) + light, row, bounced);
     sent[row] += bright(of_sums(surfaces + row * SURFACE, light));
+}
+
+/* sums of values (height, width) over blocks of side x side, the last ones cut off, to those from place * count on */
+__kernel void sum_blocks(
+    const uint count, const int width, const int height, const int side, const uint place, __global const float *values,
+    __global float *sums)
+{
+    size_t i = get_global_id(0);
+    if (i >= count) return;
+    int blocks = (width + side - 1) / side, y0 = (int)i / blocks * side, x0 = (int)i % blocks * side;
+    int y1 = lesser(y0 + side, height), x1 = lesser(x0 + side, width);
+    float sum = 0.0f;
+    for (int y = y0; y < y1; y++)
+        for (int x = x0; x < x1; x++) sum += values[(size_t)y * width + x];
+    sums[(size_t)place * count + i] = sum;
 }
 
 /* radiance (rows, 3) in and out: scale times what colours make of light */

@@ -123,8 +123,8 @@ def test_a_mirror_gets_more_samples_as_a_whole_or_not_at_all(
     chosen: list[tuple[int, int]] = []
     judge = Noise.uncertain
 
-    def uncertain(self: Noise, frames: int) -> Any:
-        times, some = judge(self, frames)
+    def uncertain(self: Noise) -> Any:
+        times, some = judge(self)
         is_mirror = self._rows.guide.host[self._there, G_TILE] < TILE  # its samples share less than a tile
         assert (self._rows.surface.host[self._there[is_mirror], MATERIAL] == 1).all()
         chosen.append((int(is_mirror[some].sum()), int(is_mirror.sum())))

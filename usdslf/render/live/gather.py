@@ -19,6 +19,7 @@ from usdslf.render.settings import MAX_DEPTH
 from usdslf.sampling.low_discrepancy import random_shifts, scrambled_points, sobol_points
 
 SHARED_FRAMES = 4  # in which all tiles draw the same numbers, so that filtered light has no noise
+KEPT_SETS = 8  # of numbers, that bands of a picture ask for again
 CHOICES = 16  # sets of numbers of specular lobes, of which one is taken
 SHARED_SIZES = (16, 32, 64, 128, 256, 512)  # numbers that the samples of a tile may share
 
@@ -46,12 +47,12 @@ class GatherRoom(PathRoom):
         self.shone, self.drawn = make((max(streams, 1) * BATCH, 8)), make((2 * BATCH, r.DRAWN_RAY))
         self.rows = make((BATCH,), np.uint32)
         self.queue = PathQueue.of(geometry, self)
-        self._numbers: tuple[tuple[int, int, bool], Any] = ((-1, 0, False), None)
+        self._numbers: dict[tuple[int, int, bool], Any] = {}
 
     def numbers(self, draw: Draw) -> Any:
         """Returns numbers (streams + 2, draw.count, 4) of [0, 1)."""
         key = draw.turn, draw.count, draw.is_scrambled
-        if self._numbers[0] != key:
+        if key not in self._numbers:
             rng, streams = np.random.default_rng((20130, draw.turn)), self._streams + 2
             shifts = random_shifts(2 * streams, rng)
             shifts[2 * self._streams] = _even_tailed(draw)  # of the specular lobe
@@ -60,8 +61,10 @@ class GatherRoom(PathRoom):
             # the second pair in another order than the first, so that the two have nothing in common
             u[:, 1] = np.stack([pair[rng.permutation(draw.count)] for pair in u[:, 1]])
             both = np.concatenate([u[:, 0], u[:, 1]], -1).astype(np.float32)
-            self._numbers = key, self._device.upload(np.minimum(both, np.float32(1 - 2**-24)))
-        return self._numbers[1]
+            while len(self._numbers) >= KEPT_SETS:
+                self._numbers.pop(next(iter(self._numbers)))
+            self._numbers[key] = self._device.upload(np.minimum(both, np.float32(1 - 2**-24)))
+        return self._numbers[key]
 
 
 @dataclass(frozen=True)

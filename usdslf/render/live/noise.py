@@ -10,8 +10,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from usdslf.gpu.launch import GROUP, groups
 from usdslf.gpu.shared import Shared
 from usdslf.render.live import records as r
+from usdslf.render.live.scene import Geometry
 from usdslf.render.live.view import Rows, Window
 from usdslf.scene.records import F32
 
@@ -27,34 +29,41 @@ DARK = 0.05  # of the mean luminance, that errors of less are compared with
 class Noise:
     """Luminance of blocks of samples, frame by frame."""
 
-    def __init__(self, window: Window, rows: Rows, there: NDArray[np.uint32]) -> None:
-        """Judges some rows of a window's grid."""
-        self._window, self._there, self._rows = window, there, rows
-        self._sums: dict[int, list[F32]] = {r.TILE: [], SHARP_TILE: []}
-        self._filled = {side: self._blocks(self._there_map(), side) for side in self._sums}
+    def __init__(self, geometry: Geometry, window: Window, rows: Rows, there: NDArray[np.uint32], frames: int) -> None:
+        """Judges some rows of a window's grid by so many frames."""
+        self._geometry, self._window, self._there, self._rows = geometry, window, there, rows
+        self._frames, self._taken = frames, 0
+        shapes = {side: (-(-window.height // side), -(-window.width // side)) for side in (r.TILE, SHARP_TILE)}
+        self._sums = {
+            side: Shared(geometry.device, (frames + 1, *shape), np.float32, is_clean=False)
+            for side, shape in shapes.items()
+        }  # the last is how many rows each block has
+        filled = Shared(geometry.device, (window.count,), np.float32)
+        filled.host[there] = 1
+        filled.push()
+        self._sum_up(filled, frames)
 
-    def _there_map(self) -> F32:
-        out = np.zeros(self._window.count, np.float32)
-        out[self._there] = 1
-        return out
-
-    def _blocks(self, values: F32, side: int) -> F32:
-        """Sums of values (samples,) over blocks of side x side."""
-        grid = values.reshape(self._window.height, self._window.width)
-        grid = np.add.reduceat(grid, np.arange(0, self._window.height, side), axis=0)
-        return np.add.reduceat(grid, np.arange(0, self._window.width, side), axis=1)
+    def _sum_up(self, values: Shared, place: int) -> None:
+        """Sums values (samples,) over blocks."""
+        for side, sums in self._sums.items():
+            n = sums.host[0].size
+            self._geometry.kernel("live_still", "sum_blocks")(
+                groups(n), (GROUP,), np.uint32(n), np.int32(self._window.width), np.int32(self._window.height),
+                np.int32(side), np.uint32(place), values, sums,
+            )  # fmt: skip
 
     def add(self, sent: Shared) -> None:
         """Takes the luminance (samples,) of a frame; 0 where nothing is."""
-        sent.pull()
-        for side, found in self._sums.items():
-            found.append(self._blocks(sent.host, side))
+        self._sum_up(sent, self._taken)
+        self._taken += 1
 
-    def uncertain(self, frames: int) -> tuple[int, NDArray[np.intp]]:
+    def uncertain(self) -> tuple[int, NDArray[np.intp]]:
         """Returns how many times as many rays some rows should get, and which of those that are there."""
         nothing = 1, np.zeros(0, np.intp)
-        if frames < 2 or not len(self._there):
+        if self._frames < 2 or not len(self._there):
             return nothing
+        for sums in self._sums.values():
+            sums.pull()
         errors = {side: self._error(side) for side in self._sums}
         self._rows.guide.pull()
         guide = self._rows.guide.host[self._there]
@@ -68,8 +77,8 @@ class Noise:
 
     def _error(self, side: int) -> F32:
         """Relative error of each row by the blocks of a side."""
-        found = np.stack(self._sums[side])
-        mean, count = found.mean(0), np.maximum(self._filled[side], 1)
+        found, filled = self._sums[side].host[: self._frames], self._sums[side].host[self._frames]
+        mean, count = found.mean(0), np.maximum(filled, 1)
         error = np.sqrt(found.var(0, ddof=1)) / len(found) ** COMPLETED
         level = mean + DARK * count * float(mean.sum() / count.sum())
         relative = error / np.maximum(level, 1e-12)

@@ -264,11 +264,11 @@ class StillPicture:
         g, count = self.scene.geometry, self._frames
         sums = _Sums.of(g, rows.count, is_apart)
         frames = self._gather(rows, there, sums, count, 0)
-        noise = Noise(window, rows, there)
+        noise = Noise(g, window, rows, there, count)
         for _ in frames:
             self._room.queue.follow()
             noise.add(sums.sent)
-        times, chosen = noise.uncertain(count)
+        times, chosen = noise.uncertain()
         if len(chosen):
             more = there[chosen]
             for _ in self._gather(rows, more, sums, times * count, 500):
