@@ -220,9 +220,12 @@ def fewest_frames(all_groups: Iterable[Group]) -> int | None:
 
 
 def _union(rows: list[NDArray[np.uint32]], part: Rows) -> NDArray[np.uint32]:
-    """Each row once, in order."""
+    """Each row once, in order; all of them show something."""
     if len(rows) == 1:
         return rows[0]
+    for some in rows:
+        if len(some) == part.shown:
+            return some
     is_in = np.zeros(part.count, bool)
     for some in rows:
         is_in[some] = True

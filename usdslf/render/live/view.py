@@ -112,8 +112,14 @@ class Rows:
         there = np.flatnonzero(triangle >= 0)
         material = self._material_of[triangle[there]]
         count = int(material.max(initial=-1)) + 1
-        order = np.argsort(material.astype(np.uint16 if count < 1 << 16 else np.int64), kind="stable")
+        sortable = np.uint8 if count <= 1 << 8 else np.uint16 if count <= 1 << 16 else np.int64  # small ones by radix
+        order = np.argsort(material.astype(sortable), kind="stable")
         return there[order].astype(np.uint32), np.concatenate([[0], np.cumsum(np.bincount(material, minlength=count))])
+
+    @property
+    def shown(self) -> int:
+        """How many rows show something."""
+        return len(self._by_material[0])
 
     def of_material(self, material: int) -> NDArray[np.uint32]:
         """Returns the rows that show a material, in order."""
