@@ -79,7 +79,37 @@ __kernel void mean_columns(
     out[15] = c[FRAMES];
 }
 
-/* light (rows, LIGHT) averaged along one axis of a window, over the rows of the picture's grid
+/* whether neighbours show the same surface as a guide's row a, in the same plane and much the same normal; and whether they mirror
+ * what it does; F, I: of one, or of eight side by side */
+#define DEFINE_ALIKE(F, I)                                                                                                  \
+    OVERLOADED I is_alike(float16 a, F x, F y, F z, F nx, F ny, F nz, F kind, I is_same)                                    \
+    {                                                                                                                       \
+        F off = fabs((x - a.s0) * a.s4 + (y - a.s1) * a.s5 + (z - a.s2) * a.s6), turned = nx * a.s4 + ny * a.s5 + nz * a.s6; \
+        return (kind == a.s7) & (is_same | (turned >= NORMAL_COSINE)) & (off <= a.s3);                                      \
+    }                                                                                                                       \
+    OVERLOADED I mirrors_alike(float16 a, float wide, F mx, F my, F mz, F alpha)                                            \
+    {                                                                                                                       \
+        F dx = mx - a.s8, dy = my - a.s9, dz = mz - a.sa;                                                                   \
+        return (dx * dx + dy * dy + dz * dz <= wide * wide) & (fabs(alpha - a.sb) <= 0.15f * a.sb);                         \
+    }
+DEFINE_ALIKE(float, int)
+DEFINE_ALIKE(float8, int8)
+
+/* four columns of eight rows side by side: a transposition of loads */
+inline void columns_of(__global const float *row, const int *at, float8 *c0, float8 *c1, float8 *c2, float8 *c3)
+{
+#define PAIR(j) (float8)(vload4(0, row + at[j]), vload4(0, row + at[j + 4]))
+    float8 a = PAIR(0), b = PAIR(1), c = PAIR(2), d = PAIR(3);
+    float8 ab = (float8)(a.s0, b.s0, a.s1, b.s1, a.s4, b.s4, a.s5, b.s5), cd = (float8)(c.s0, d.s0, c.s1, d.s1, c.s4, d.s4, c.s5, d.s5);
+    *c0 = (float8)(ab.s01, cd.s01, ab.s45, cd.s45);
+    *c1 = (float8)(ab.s23, cd.s23, ab.s67, cd.s67);
+    ab = (float8)(a.s2, b.s2, a.s3, b.s3, a.s6, b.s6, a.s7, b.s7);
+    cd = (float8)(c.s2, d.s2, c.s3, d.s3, c.s6, d.s6, c.s7, d.s7);
+    *c2 = (float8)(ab.s01, cd.s01, ab.s45, cd.s45);
+    *c3 = (float8)(ab.s23, cd.s23, ab.s67, cd.s67);
+}
+
+/* light (rows, LIGHT) averaged along one axis of a window, of TILE at most, over the rows of the picture's grid
  * is_grid   whether the rows are those of the grid, else `pixel` (rows) says where each is
  * guide, own         of the rows
  * grid_guide, light  of the grid
@@ -94,52 +124,62 @@ __kernel void filter_light(
     size_t nth = get_global_id(0);
     if (nth >= count) return;
     size_t i = rows[nth];
-    __global const float *a = guide + i * GUIDE;
-    __global float *out = filtered + i * LIGHT;
-    if (a[G_CLASS] < 0.0f) {
-        for (int k = 0; k < LIGHT; k++) out[k] = 0.0f;
+    float16 a = vload16(i, guide); /* position, gap, normal, class, mirror direction, alpha */
+    if (a.s7 < 0.0f) {
+        vstore16((float16)(0.0f), i, filtered);
+        return;
+    }
+    float16 mine = vload16(i, own);
+    float keep = within((mine.sf - FILTERED_FRAMES) * (1.0f / (SET - FILTERED_FRAMES)), 0.0f, 1.0f);
+    if (keep >= 1.0f) {
+        vstore16(mine, i, filtered);
         return;
     }
     uint p = is_grid ? i : pixel[i];
-    int x = p % width, y = p / width;
-    float alpha = a[G_ALPHA], wide = a[G_WIDTH];
-    float nx = a[G_NORMAL], ny = a[G_NORMAL + 1], nz = a[G_NORMAL + 2], mx = a[G_MIRROR], my = a[G_MIRROR + 1], mz = a[G_MIRROR + 2];
-    float px = a[0], py = a[1], pz = a[2], gap = a[G_GAP], kind = a[G_CLASS], wide2 = wide * wide;
-    float16 mine = vload16(0, own + i * LIGHT);
-    float keep = within((mine.sf - FILTERED_FRAMES) * (1.0f / (SET - FILTERED_FRAMES)), 0.0f, 1.0f);
-    if (keep >= 1.0f) {
-        vstore16(mine, 0, out);
-        return;
+    int x = p % width, y = p / width, sharp_reach = (int)guide[i * GUIDE + G_TILE] / 2;
+    float wide = guide[i * GUIDE + G_WIDTH];
+    int along = step_x ? x : y, end = step_x ? width : height, reach = window / 2, stride = step_x ? 1 : width;
+    int low = -lesser(reach, along), high = lesser(reach, end - 1 - along);
+    /* neighbours on both sides; those that are not there stand for the middle, and do not count */
+    int8 k = (int8)(-4, -3, -2, -1, 1, 2, 3, 4), away = (int8)(4, 3, 2, 1, 1, 2, 3, 4);
+    int at[8]; /* floats from the middle's row, of guides as of light: GUIDE is LIGHT */
+    #pragma unroll
+    for (int j = 0; j < 8; j++) {
+        int step = j < 4 ? j - 4 : j - 3;
+        at[j] = ((step >= low) & (step <= high)) ? step * stride * GUIDE : 0;
     }
+    grid_guide += (size_t)p * GUIDE;
+    light += (size_t)p * LIGHT;
+    float8 bx, by, bz, gap, nx, ny, nz, kind, mx, my, mz, alpha;
+    columns_of(grid_guide, at, &bx, &by, &bz, &gap);
+    columns_of(grid_guide + G_NORMAL, at, &nx, &ny, &nz, &kind);
+    columns_of(grid_guide + G_MIRROR, at, &mx, &my, &mz, &alpha);
+    int8 counts = (k >= low) & (k <= high) & is_alike(a, bx, by, bz, nx, ny, nz, kind, (int8)(0));
+    int8 is_near = counts & (away <= sharp_reach) & mirrors_alike(a, wide, mx, my, mz, alpha);
+    /* both ends of an even window count half */
+    float8 m = away < reach ? (float8)(1.0f) : (float8)(window & 1 ? 1.0f : 0.5f);
+    float8 n = away == sharp_reach ? (float8)(0.5f) : m;
+    m = counts ? m : (float8)(0.0f);
+    n = is_near ? n : (float8)(0.0f);
+    float16 b = vload16(0, grid_guide);
+    float middle = is_alike(a, b.s0, b.s1, b.s2, b.s4, b.s5, b.s6, b.s7, is_grid) ? 1.0f : 0.0f;
+    float sharp_middle = (is_grid | mirrors_alike(a, wide, b.s8, b.s9, b.sa, b.sb)) ? middle : 0.0f;
     float16 sum = (float16)(0.0f), sharp = (float16)(0.0f);
-    float matte = 0.0f, specular = 0.0f;
-    int along = step_x ? x : y, end = step_x ? width : height, reach = window / 2, sharp_reach = (int)a[G_TILE] / 2;
-    int low = larger(-reach, -along), high = lesser(reach + 1, end - along);
-    float at_end = window & 1 ? 1.0f : 0.5f;
-    size_t stride = step_x ? 1 : width, q = (size_t)p + low * (long)stride;
-    for (int k = low; k < high; k++, q += stride) {
-        __global const float *b = grid_guide + q * GUIDE;
-        if (b[G_CLASS] != kind) continue;
-        int is_same = is_grid & (k == 0), away = k < 0 ? -k : k;
-        /* products of truths, not branches: neighbours are alike or not by chance */
-        float off = fabs((b[0] - px) * nx + (b[1] - py) * ny + (b[2] - pz) * nz);
-        float turned = b[G_NORMAL] * nx + b[G_NORMAL + 1] * ny + b[G_NORMAL + 2] * nz;
-        float m = ((is_same | (turned >= NORMAL_COSINE)) & (off <= gap)) ? 1.0f : 0.0f;
-        m *= away < reach ? 1.0f : at_end;
-        float dx = b[G_MIRROR] - mx, dy = b[G_MIRROR + 1] - my, dz = b[G_MIRROR + 2] - mz;
-        float is_near = (is_same | ((dx * dx + dy * dy + dz * dz <= wide2) & (fabs(b[G_ALPHA] - alpha) <= 0.15f * alpha) & (away <= sharp_reach))) ? m : 0.0f;
-        is_near = (sharp_reach > 0) & (away == sharp_reach) ? lesser(is_near, 0.5f) : is_near;
-        float16 l = vload16(0, light + q * LIGHT);
-        sum += m * l;
-        sharp += is_near * l;
-        matte += m;
-        specular += is_near;
+#define ADD(AT, M, N)                          \
+    if (M > 0.0f) {                            \
+        float16 l = vload16(0, light + AT);    \
+        sum += M * l;                          \
+        sharp += N * l;                        \
     }
+    ADD(at[0], m.s0, n.s0) ADD(at[1], m.s1, n.s1) ADD(at[2], m.s2, n.s2) ADD(at[3], m.s3, n.s3) ADD(0, middle, sharp_middle)
+    ADD(at[4], m.s4, n.s4) ADD(at[5], m.s5, n.s5) ADD(at[6], m.s6, n.s6) ADD(at[7], m.s7, n.s7)
+    float4 m4 = m.lo + m.hi, n4 = n.lo + n.hi;
+    float matte = m4.x + m4.y + m4.z + m4.w + middle, specular = n4.x + n4.y + n4.z + n4.w + sharp_middle;
     sum = matte > 0.0f ? sum * (1.0f / matte) : mine;
     sharp = specular > 0.0f ? sharp * (1.0f / specular) : mine;
     float16 mean = (float16)(sum.s0123, sum.s45, sharp.s67, sharp.s89ab, sharp.scde, mine.sf);
     if (to_own) mean += keep * (mine - mean);
-    vstore16(mean, 0, out);
+    vstore16(mean, i, filtered);
 }
 
 inline float3 radiance_of(__global const float *s, __global const float *l)
