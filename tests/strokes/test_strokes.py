@@ -258,6 +258,16 @@ def test_corners_lie_on_the_first_triangle_that_has_them() -> None:
         assert_allclose(np.array([1 - u - v, u, v]) @ corners[has[0]], points[i], atol=1e-7)
 
 
+def test_a_point_that_is_there_twice_is_nearest_to_what_it_is_nearest_to_alone() -> None:
+    rng = np.random.default_rng(8)
+    corners, points = rng.normal(size=(30, 3, 3)), rng.normal(size=(6, 3))
+    points[4] = corners[3, 1]
+    alone = nearest_on_triangles(corners, points)
+    twice = nearest_on_triangles(corners, points[[0, 0, 1, 2, 2, 2, 3, 4, 4, 5]])
+    for name, found in vars(twice).items():
+        np.testing.assert_array_equal(found, getattr(alone, name)[[0, 0, 1, 2, 2, 2, 3, 4, 4, 5]])
+
+
 def test_degenerate_and_broken_triangles_do_not_disturb_the_nearest_point() -> None:
     corners = np.array([[[0, 0, 0]] * 3, [[np.nan] * 3] * 3, [[0, 0, 0], [1, 0, 0], [2, 0, 0]]])
     found = nearest_on_triangles(corners, np.array([[1.5, 1, 0], [-1, 0, 0]]))

@@ -47,6 +47,11 @@ def nearest_on_triangles(corners: NDArray, points: NDArray, pair: NDArray | None
     n = len(points)
     if pair is not None:
         return _best_of_pairs(n, np.asarray(pair), np.arange(len(corners)), corners, points)
+    is_new = np.ones(n, bool)
+    is_new[1:] = (points[1:] != points[:-1]).any(1)
+    if not is_new.all():  # a dab is a point twice
+        once, again = nearest_on_triangles(given, points[is_new]), np.cumsum(is_new) - 1
+        return Nearest(once.triangle[again], once.barycentric[again], once.distance[again])
     spheres = next((found for of, found in tuple(_SEARCHED) if of() is given), None)
     if spheres is None:
         usable = np.flatnonzero(np.isfinite(corners).all((1, 2)))
