@@ -1,11 +1,12 @@
 """Error sizes: how large a painter's errors are, by what an explanation leaves of the paint.
 
-    likely_sizes(left, explained, alike, usual, least, slack) -> Sizes, their chances on a grid
+    read_sizes(left, prior, of_paint, of_field) -> Sizes, their chances on a grid
 
 What is left of the paint, whatever the explanation's parameters are, has the covariance a `alike` + b K over dabs
 and channels: a drift and a tint that dabs share, and what each errs by itself.  A few dabs say little about a
 drift, so that one size would be too much for careful paint and too little for a careless one: the fit takes the middle
-of what is likely (of the roots), an interval all of it, each size by its chance.
+of what is likely (of the roots), an interval all of it, each size by its chance.  Where the light field errs more than
+a careful painter, a dab shows no painter; how far that is so goes with b, which is read twice.
 
 Source: Patterson and Thompson 1971 (restricted likelihood); Harville 1974 (as the chance of sizes, the parameters
 integrated out).
@@ -16,11 +17,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from usdslf.scene.records import F64
 
 SIZES_ALIKE, SIZES_OWN = np.geomspace(1e-4, 4.0, 19), np.geomspace(1e-3, 4.0, 19)  # of a and b that are tried
 SPREAD = 1.5  # width (natural logarithm) of what a and b are where the dabs are few
+READINGS, SAME = 2, 0.2  # of b at most, and the change of its logarithm that asks for no other one
 TOGETHER = 0.6  # correlation of both: who is careless with dabs is so with the stroke
 GREY = 0.5  # correlation of a dab's own errors in two channels, where they are mostly grey
 
@@ -51,23 +54,62 @@ class Sizes:
         return np.asarray((self.chance @ self.own) / np.maximum(self.chance.sum(1), 1e-30))
 
 
-def likely_sizes(
-    left: F64, explained: F64, alike: F64, usual: tuple[float, float], least: float, slack: float
-) -> Sizes:
-    """Returns how large errors are that leave this of a paint.
+@dataclass(frozen=True)
+class Left:
+    """What is left of m dabs in k channels, and what may be of it."""
+
+    residual: F64  # (m, k)
+    explained: F64  # columns (m, k, p) of all that may be there whatever the painter does
+    share: F64  # (m, k) by which errors that dabs share count
+    drift: F64  # (m, m) covariance of brightness where a is 1
+    tint: F64  # (m, m) the same of each channel
+
+    def of(self, dabs: NDArray[np.int64], channels: NDArray[np.int64]) -> Left:
+        """Returns that of some of the dabs and channels."""
+        of, apart = np.ix_(dabs, channels), np.ix_(dabs, dabs)
+        return Left(self.residual[of], self.explained[of], self.share[of], self.drift[apart], self.tint[apart])
+
+    def heard(self, by: F64) -> tuple[F64, F64, F64]:
+        """Returns residual, columns and covariance (m k, m k) where a is 1, each dab times a number (m,)."""
+        k, pairs = self.residual.shape[1], np.outer(by, by)
+        alike = np.kron(pairs * self.drift, np.ones((k, k))) + np.kron(pairs * self.tint, np.eye(k))
+        alike *= np.outer(self.share, self.share)
+        return by[:, None] * self.residual, by[:, None, None] * self.explained, alike
+
+
+@dataclass(frozen=True)
+class Prior:
+    """What is known of a painter beforehand."""
+
+    usual: tuple[float, float]  # middle of what a and b are where the dabs say little
+    least: float  # b cannot be less
+    slack: float  # by which b is more than what is seen, where dabs that are far off have lost trust
+
+
+def read_sizes(left: Left, prior: Prior, of_paint: F64, of_field: F64) -> tuple[Sizes, float]:
+    """Returns how large errors are that leave this of a paint, and the b that the light field's were held against.
 
     Args:
-        left: (m, k) of m dabs in k channels.
-        explained: columns (m, k, p) of all that may be there whatever the painter does.
-        alike: (m k, m k) covariance of what dabs share where a is 1.
-        usual: middle of what a and b are where the dabs say little.
-        least: b cannot be less.
-        slack: by which b is more than what is seen, where dabs that are far off have lost trust.
+        of_paint: (m,) variance of a dab's own errors where b is 1.
+        of_field: (m,) variance of what the light field errs by at it.
     """
-    greys = (0.0, GREY) if left.shape[1] > 1 else (0.0,)
-    own = np.maximum(slack * SIZES_OWN, least)
-    logs = np.stack([_chances(left, explained, alike, own, grey) for grey in greys], 2)
-    of_a, of_b = np.log(SIZES_ALIKE / usual[0])[:, None] / SPREAD, np.log(SIZES_OWN / usual[1]) / SPREAD
+    b = prior.usual[1]
+    for _ in range(READINGS):
+        beside = b
+        sizes = _likely_sizes(*left.heard(1 / np.sqrt(of_paint + of_field / beside)), prior)
+        b = sizes.middle[1]
+        if not of_field.any() or abs(np.log(b / beside)) < SAME:
+            break
+    return sizes, beside
+
+
+def _likely_sizes(residual: F64, explained: F64, alike: F64, prior: Prior) -> Sizes:
+    """The sizes where dabs' own errors have the variance b."""
+    greys = (0.0, GREY) if residual.shape[1] > 1 else (0.0,)
+    own = np.maximum(prior.slack * SIZES_OWN, prior.least)
+    logs = np.stack([_chances(residual, explained, alike, own, grey) for grey in greys], 2)
+    of_a, of_b = (np.log(x / u) / SPREAD for x, u in zip((SIZES_ALIKE, SIZES_OWN), prior.usual, strict=True))
+    of_a = of_a[:, None]
     logs -= (0.5 * (of_a**2 + of_b**2 - 2 * TOGETHER * of_a * of_b) / (1 - TOGETHER**2))[..., None]
     chance = np.exp(logs - logs.max())
     chance /= chance.sum()

@@ -6,11 +6,11 @@
 Paint is what a surface shows times 1 + error, so that residuals are relative to what the candidate shows, and an error
 has the covariance, over dabs i, j and channels,
 
-    C = a s_i s_j (drift^2 exp(-ROUGH |x_i - x_j| / l) 1 + tint^2 I) + b dab^2 K / trust^2 + SURE^2 I    (of one stroke)
-        + q_i q_j + (OF_DOUBT q_i)^2 K,    K = k 1 + (1 - k) I
+    C = a s_i s_j (drift^2 exp(-ROUGH |x_i - x_j| / l) 1 + tint^2 I) + (b dab^2 / trust^2 + e_i^2) K     (of one stroke)
+        + f_i f_j G + g_i g_j,    K = k 1 + (1 - k) I,  G the same with ALL_GREY
 
-where 1 and I go over the channels, q is what renderers do not agree on (doubt.py), of which who made the picture shows
-one share everywhere, and s is what is shown over what residuals are relative to: that has a floor, beside
+where 1 and I go over the channels, e, f and g are what the light field errs by at each dab, and at all of a stroke
+(field_errors.py), and s is what is shown over what residuals are relative to: that has a floor, beside
 which an error of all paint is less of a dark dab than of a bright one; without s a stroke that is too dark as a whole
 would look like a weaker highlight.  What one dab errs by may be mostly grey (k is 0 or GREY), as the evidence saw more
 or less of a light: with errors of three channels apart that would be drift, and exact paint of a bumpy surface
@@ -36,7 +36,8 @@ from numpy.typing import NDArray
 from usdslf.edits.whole_set import Colored
 from usdslf.inference.bilinear import Tables
 from usdslf.inference.candidate import Candidate, is_grey
-from usdslf.inference.error_sizes import Sizes, likely_sizes, mostly_grey
+from usdslf.inference.error_sizes import Left, Prior, Sizes, mostly_grey, read_sizes
+from usdslf.inference.field_errors import ALL_DOUBT, ALL_GREY, OF_DOUBT, field_errors
 from usdslf.inference.fit import Problem, Way, fit, relative_residuals
 from usdslf.inference.residuals import mean_by_stroke, relative_scale
 from usdslf.inference.weights import Options
@@ -47,10 +48,9 @@ USUAL = (0.03, 0.03)  # middle of what a and b are where the dabs are few
 USUAL_OF_SWATCHES = (0.015, 0.06)  # the same where all dabs have one of few colours, which was mixed with care
 USUAL_OF_ONE = (0.02, 0.05)  # the same of one colour, which nothing can be held against
 ROUGH = 0.4  # of the inverse length of drift, which the exponential needs to be as smooth near by
-SURE, LEAST = 0.005, 0.015  # relative error that all dabs may share, and that which each has: the light field's own
-OF_POINTS = 0.4  # of the standard error of a dab's points, which lie apart and so err less than as many at random
+LEAST = 0.007  # relative error that every dab of paint has
 SLACK = 1.4  # by which the variance of dabs with colours of their own grows, as t's scale is less than its width
-OF_SWATCH = 0.5  # of the variance of what a swatch shows (natural logarithms) that its mean is uncertain by
+OF_SWATCH = 0.4  # of the variance of what a swatch shows (natural logarithms) that its mean is uncertain by
 DEGREES = 2.0  # of freedom of Student's t
 ROUNDS = 3
 COLOR_GAIN = 16.0  # misfit for which a grey specular change becomes coloured; grey paint gains 9 at most
@@ -58,9 +58,7 @@ COLORED = 0.05  # range of the channels of F0 that is a colour
 CAREFUL = 0.035  # relative residual of paint that is fitted as it is: the light field's own error
 AT_END = 1e-4  # of 0 and 1, where a colour is held
 UNSAID = 3.0  # relative error of channels that are held there
-GROWN = (0.0, 16.0)  # times which what is in doubt may grow with a colour
 UNLIKELY = 1e-3  # chance of a size that is left out
-OF_DOUBT = 0.3  # of what renderers do not agree on at a dab, by which dabs differ in who is right
 LEAST_DOUBT = 0.01  # of a dab, that is more than rounding
 MOST_GROUPS = 96  # dabs and swatches that a and b are read off
 
@@ -69,8 +67,8 @@ MOST_GROUPS = 96  # dabs and swatches that a and b are read off
 class PaintErrors:
     """Covariance of relative residuals of m dabs and swatches of n dabs, and the columns of what is free.
 
-    C = s s' (kron(shared, 1) + kron(tinted, I)) + kron(sure, I) + q q' + sqrt(single) kron(I, K) sqrt(single) + unsaid,
-    with 1, I and K over the channels.
+    C = s s' (kron(shared, 1) + kron(tinted, I)) + kron(sure, G) + doubt doubt' + sqrt(single) kron(I, K) sqrt(single) +
+    unsaid, with 1, I, G and K over the channels.
     """
 
     together: F64 | None  # (m, n) takes the mean of dabs that share a swatch; None: all are alone
@@ -80,13 +78,13 @@ class PaintErrors:
     trust: F64  # (m,) 0..1
     drift: F64  # (m, m) brightness that drifts, where a is 1
     tint: F64  # (m, m) the same
-    sure: F64  # (m, m)
-    each: F64  # (m,) variance of a dab's own errors where b is 1
+    sure: F64  # (m, m) covariance of what the light field errs by at all dabs of a stroke
+    each: F64  # (m,) variance of a dab's own errors where b is 1, a part of which is the light field's
     of_means: F64  # (m, 3) what a palette's colours mean, beside it
-    vague: F64  # (m, 3) least variance of a dab's own errors
+    vague: F64  # (m, 3) least variance of a dab's own errors: the light field's
     unsaid: F64  # (m, 3) variances of channels that say nothing
     share: F64  # (m, 3) s
-    doubt: F64  # (m, 3) q
+    doubt: F64  # (m, 3) g
 
     @property
     def grey(self) -> float:
@@ -106,7 +104,7 @@ class PaintErrors:
     @cached_property
     def single(self) -> F64:
         """Variances (m, 3) of a dab's own errors, which are mostly grey."""
-        return np.maximum(self.own * self.each[:, None] + self.of_means, self.vague) + (OF_DOUBT * self.doubt) ** 2
+        return np.maximum(self.own * self.each[:, None] + self.of_means, self.vague)
 
     def likely(self) -> list[tuple[float, PaintErrors]]:
         """Errors of each size that is likely, and its chance."""
@@ -118,7 +116,7 @@ class PaintErrors:
         """The whole of it (3 m, 3 m)."""
         alike = np.kron(self.shared, np.ones((3, 3))) + np.kron(self.tinted, np.eye(3))
         size = np.sqrt(self.single).reshape(-1)
-        own = np.kron(self.sure, np.eye(3)) + np.diag(self.unsaid.reshape(-1))
+        own = np.kron(self.sure, mostly_grey(3, ALL_GREY)) + np.diag(self.unsaid.reshape(-1))
         own += np.outer(size, size) * np.kron(np.eye(len(self.single)), mostly_grey(3, self.grey))
         return np.outer(self.share, self.share) * alike + np.outer(self.doubt, self.doubt) + own
 
@@ -128,8 +126,9 @@ class PaintErrors:
         if max(np.ptp(x, axis=1).max(initial=0) for x in (self.single, self.share, self.doubt, self.unsaid)) == 0:
             share, doubt, single = self.share[:, 0], self.doubt[:, 0], self.single[:, 0]
             of = (self.sure[np.unique(self.sure.argmax(1))] > 0).T  # (m, strokes)
-            sizes = share * np.sqrt(np.diag(self.tinted)), np.sqrt(np.diag(self.sure))
+            sizes = share * np.sqrt(np.diag(self.tinted)), np.sqrt((1 - ALL_GREY) * np.diag(self.sure))
             alike = np.outer(share, share) * self.shared + np.outer(doubt, doubt) + np.diag(self.grey * single)
+            alike += ALL_GREY * self.sure
             own = (1 - self.grey) * single + self.unsaid[:, 0]
             return white_of_parts(alike, own, np.concatenate([x[:, None] * of for x in sizes], 1))
         return White(None, None, inverse_root(self.covariance))
@@ -284,52 +283,36 @@ def paint_errors(t: Tables, o: Options, c: Candidate, trust: F64 | None = None) 
         size = count * (residual**2).sum(1)
         trust = np.sqrt(np.minimum(1, (DEGREES + 3) / (DEGREES + 3 * size / (np.median(size) + 3 * LEAST**2))))
     drift, same = _shared(t, o)
+    errs = field_errors(t, c)
+    sure = np.outer(errs.shared, errs.shared) * same
     if together is not None:
-        drift, same = (together @ x @ together.T for x in (drift, same))
-    own, m, n = trust * np.sqrt(count) / o.dab_error, len(count), len(group)
+        drift, same, sure = (together @ x @ together.T for x in (drift, same, sure))
+    m, n, tint = len(count), len(group), o.tint_error**2 * same
     columns = np.stack(columns_of(t, c)[1], 1).reshape(n, -1) if c.freed else np.zeros((n, 0))
     held = held_channels(t, c)  # what they leave says how far the paint is from what can be
-    share = mean(np.minimum(np.abs(c.radiance(t)) / t.scale, 1))
-    vague = (OF_POINTS * t.noise / t.scale) ** 2  # of the mean of a swatch's dabs less
-    vague, doubt = (vague if together is None else together**2 @ vague), mean(doubt_of(t, c))
+    share, doubt = (mean(x) for x in (np.minimum(np.abs(c.radiance(t)) / t.scale, 1), errs.doubt))
+    points = errs.points if together is None else np.sqrt(together**2 @ errs.points**2)  # of a swatch's mean less
     if m > MOST_GROUPS:  # where channels are alike, grey and colours are apart, which is much faster
-        alike_in = lambda x: np.repeat(x.mean(1, keepdims=True), 3, 1)  # noqa: E731
-        share, vague, doubt = alike_in(share), alike_in(np.sqrt(vague)) ** 2, alike_in(doubt)  # errors, not variances
+        share, points, doubt = (np.repeat(x.mean(1, keepdims=True), 3, 1) for x in (share, points, doubt))
+    vague = points**2 + (OF_DOUBT * doubt) ** 2
     parts = [mean(columns).reshape(m, 3, -1), share[:, :, None] * mean(_of_strokes(t))[:, None]]
     if doubt.max(initial=0) > LEAST_DOUBT:
         parts.append(doubt[:, :, None])
-    usual_variance = LEAST**2 / count  # of the mean of a swatch's dabs
-    beyond = np.maximum(vague.mean(1) - usual_variance, 0) + ((OF_DOUBT * doubt) ** 2).mean(1)
-    heard = own / np.sqrt(1 + beyond / usual_variance)  # in doubt, or of few points, it shows no painter
-    explained = heard[:, None, None] * np.concatenate(parts, 2)
     of_swatches = bool((t.swatch >= 0).all())
     usual = (USUAL_OF_ONE if t.has_one_color.all() else USUAL_OF_SWATCHES) if of_swatches else USUAL
     some = np.arange(m) if m <= MOST_GROUPS else np.linspace(0, m - 1, MOST_GROUPS).round().astype(int)
-    free, apart = np.flatnonzero(~held), np.ix_(some, some)
-    y, k = (heard[:, None] * residual)[some][:, free], len(free)
-    by = heard[some, None] * heard[some]
-    alike = np.kron(by * drift[apart], np.ones((k, k))) + np.kron(by * o.tint_error**2 * same[apart], np.eye(k))
-    alike *= np.outer(share[some][:, free], share[some][:, free])
-    slack, least = 1.0 if of_swatches else SLACK, (LEAST / o.dab_error) ** 2
-    sizes = likely_sizes(y, explained[some][:, free], alike, usual, least, slack)
+    left = Left(residual, np.concatenate(parts, 2), share, drift, tint).of(some, np.flatnonzero(~held))
+    prior = Prior(usual, (LEAST / o.dab_error) ** 2, 1.0 if of_swatches else SLACK)
+    of_paint, of_field = o.dab_error**2 / (count * trust**2), vague.mean(1) / trust**2
+    sizes, beside = read_sizes(left, prior, of_paint[some], of_field[some])
     a, b = sizes.middle
     of_means = np.zeros((m, 3)) if together is None else _of_swatch_means(t, c, together)
     unsaid = np.broadcast_to(UNSAID**2 * held, (m, 3))
     return PaintErrors(
-        together, sizes, alike=a, own=b, trust=trust, drift=drift, tint=o.tint_error**2 * same, sure=SURE**2 * same,
-        each=1 / own**2, of_means=of_means, vague=vague, unsaid=unsaid, share=share, doubt=doubt,
+        together, sizes, alike=a, own=b, trust=trust, drift=drift, tint=tint, sure=sure,
+        each=of_paint + of_field / beside, of_means=of_means, vague=vague, unsaid=unsaid, share=share,
+        doubt=ALL_DOUBT * doubt,
     )  # fmt: skip
-
-
-def doubt_of(t: Tables, c: Candidate) -> F64:
-    """Returns how much of the dabs (n, 3), in their residuals' measure, renderers do not agree on.
-
-    It grows with the colours that the candidate changes.
-    """
-    ratios = [c.diffuse_of(t.diffuse) / np.maximum(t.diffuse, 1e-3), c.f0_of(t.f0) / np.maximum(t.f0, 1e-3)]
-    ratios.append(ratios[1] if t.is_metal else np.ones(3))
-    q = (t.doubt * np.clip(ratios, *GROWN)).sum(1)
-    return np.asarray(np.broadcast_to(q, t.target.shape) / t.scale)
 
 
 def held_channels(t: Tables, c: Candidate) -> NDArray[np.bool_]:

@@ -29,13 +29,14 @@ import numpy as np
 from usdslf.inference.bilinear import Tables
 from usdslf.inference.candidate import Candidate
 from usdslf.inference.evidence import mean_by
+from usdslf.inference.field_errors import doubt_of
 from usdslf.inference.fit import relative_residuals
-from usdslf.inference.paint_errors import OF_DOUBT, doubt_of
 from usdslf.inference.weights import Options
 from usdslf.scene.records import F64
 
 MODEL = 0.03  # relative error of a dab's radiance that the evidence has where it has points enough
 AS_SHOWN = 9.0  # squared residuals of three channels over their variances, up to which a dab is as shown
+OF_DOUBT = 0.3  # of what renderers do not agree on at a dab, by which dabs differ in who is right
 DEGREES = 3.0  # of freedom of Student's t
 FAR = 9.0  # most that one dab counts
 CHANGED = 12.0  # cost of any change: odds of 400 for paint that is mostly as shown to mean none

@@ -1,7 +1,7 @@
 """Replays values and intervals of a run that was kept, in seconds: how would other constants do?
 
     python tests/truth/recovery/replay.py DIR [--kind clean|textured] [--half even|odd]
-                                              [--set uncertainty.OUTSIDE=.04 paint_errors.SURE=.02 ...]
+                                              [--set uncertainty.OUTSIDE=.04 field_errors.SURE=.02 ...]
 
 DIR was filled by run_recovery.py --keep.  Each answer is fitted again as painted, from the tables that its last round
 had, and its interval taken; which explanation wins, and the light that goes round, stay as they were.  Constants were
