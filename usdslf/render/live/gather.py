@@ -45,9 +45,15 @@ class GatherRoom(PathRoom):
         make = lambda shape, dtype=np.float32: Shared(device, shape, dtype)  # noqa: E731
         self.to_sources = Shadows(device, max(streams, 1) * BATCH)
         self.shone, self.drawn = make((max(streams, 1) * BATCH, 8)), make((2 * BATCH, r.DRAWN_RAY))
-        self.rows = make((BATCH,), np.uint32)
+        self.rows, self._rows_before = make((BATCH,), np.uint32), make((BATCH,), np.uint32)
         self.queue = PathQueue.of(geometry, self)
         self._numbers: dict[tuple[int, int, bool], Any] = {}
+
+    def list_rows(self, rows: NDArray[np.uint32]) -> None:
+        """Lists a batch's rows in `rows`; those of the last batch stay, for kernels that may still read them."""
+        self.rows, self._rows_before = self._rows_before, self.rows
+        self.rows.host[: len(rows)] = rows
+        self.rows.push()
 
     def numbers(self, draw: Draw) -> Any:
         """Returns numbers (streams + 2, draw.count, 4) of [0, 1)."""
@@ -123,8 +129,7 @@ def gather_batch(
     """
     g = scene.geometry
     count, streams = len(rows), g.sources.streams
-    room.rows.host[:count] = rows
-    room.rows.push()
+    room.list_rows(rows)
     sends_diffuse = np.int32(draw.sends_diffuse)
     shared, field = scene.arguments(), scene.field_arguments()
     lobes, n = room.lobes, np.uint32(count)
@@ -148,8 +153,7 @@ def gather_batch(
     if draw.depth:
         batch = Sent(sent, count, room.rows, part.identity, room.drawn, draw.depth, draw.seed, adder)
         room.queue.take(scene, batch)
-    adder.add_frame(count)
-    g.device.finish()  # before the room is written to again
+    adder.add_frame(count)  # goes on while the next batch is made ready, which traces rays when all of this is done
 
 
 def _find_elements(scene: LiveScene, room: GatherRoom, sent: int, may_follow: bool) -> None:

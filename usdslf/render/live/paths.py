@@ -141,6 +141,7 @@ class PathQueue:
         """Follows all that wait, and adds what they bring.  If it is cancelled, they wait on."""
         if self.scene is None:
             return
+        self.scene.geometry.device.finish()  # with the room that is written to
         who = np.arange(self.count, dtype=np.int32)
         follow(self.scene, self.room, (self.rays, self.state), who, Brought(self.queued, r.QUEUED), self.most)
         for paths in self.waiting:
