@@ -29,7 +29,7 @@ from usdslf.surfaces.surface_points import SurfacePoints
 
 SHARPEST = 0.04  # roughness; sharper lobes count as this
 LOBE_ROUGHNESS = (0.08, 0.22, 0.42, 0.7)  # of the rays; the first is less at points that are sharper
-LIGHT_RAYS = 8  # of a sample to each light
+LIGHT_RAYS = (4, 16)  # of a sample: least to each light, and to all lights where they are few
 LEAST_REFLECTED = 1e-3  # of what a surface sends, below which rounding is all that is left beside its own light
 MOST_OF_LINK = 1e3  # times what the light field has, that a picture may see along a ray
 LANES = 16  # numbers that lie side by side
@@ -71,6 +71,13 @@ class Trace:
     rng: np.random.Generator = field(default_factory=lambda: np.random.default_rng(7))
 
     @property
+    def light_rays(self) -> int:
+        """Rays of a sample to each light that has an extent."""
+        least, most = LIGHT_RAYS
+        wide = sum(not (s.is_met_only or s.is_delta) for s in self.light.lights.sources)
+        return max(least, most // max(wide, 1))
+
+    @property
     def counts(self) -> NDArray[np.int64]:
         """Rays of each technique."""
         lobes = len(LOBE_ROUGHNESS)
@@ -89,7 +96,8 @@ class Trace:
     def drawn(self) -> NDArray[np.int32]:
         """Of each direction towards a light (per_sample, 3): the source, how many that has, which of them it is."""
         sources = self.light.lights.sources
-        rows = [(s, 1 if source.is_delta else LIGHT_RAYS) for s, source in enumerate(sources) if not source.is_met_only]
+        many = self.light_rays
+        rows = [(s, 1 if source.is_delta else many) for s, source in enumerate(sources) if not source.is_met_only]
         return np.array([(s, n, k) for s, n in rows for k in range(n)], np.int32).reshape(-1, 3)
 
     def kernel(self, name: str) -> Any:
@@ -121,7 +129,7 @@ def trace_rays(p: Points, t: Trace) -> RayLight:
             tell()
     if per_sample:
         us = [_points_of_dabs(n, p.dab, t.rng) for _, n, k in t.drawn.tolist() if k == 0]
-        u_d, place_d = upload(np.concatenate(us, 1)), device.upload(_places_of_dabs(p.dab))
+        u_d, place_d = upload(np.concatenate(us, 1)), device.upload(_places_of_dabs(p.dab, t.light_rays))
         step = max(2 * BATCH // per_sample, 1)
         for first in range(0, s, step):
             _trace_lights(out, (first, min(step, s - first)), (*places, u_d, place_d), weight_d, t)
@@ -146,7 +154,7 @@ def _trace_rays(
     hits.trace(scene.geometry.tracer, n)
     met = hits.triangle, hits.u, hits.v
     t.kernel("arrive")(
-        groups(n), (GROUP,), np.uint32(n), np.uint32(first), np.float32(t.rays), np.float32(LIGHT_RAYS),
+        groups(n), (GROUP,), np.uint32(n), np.uint32(first), np.float32(t.rays), np.float32(t.light_rays),
         np.int32(depth > 0), *t.light.arguments(), *scene.field_arguments(), hits.origin, hits.direction, hits.length,
         *met, hits.distance, density_d, is_split, t.light.sources[1], out.links_d, out.weights_d, room.arrived,
         specular_d, room.state, room.followed,
@@ -183,11 +191,11 @@ def _trace_lights(
     device.finish()
 
 
-def _places_of_dabs(dab: NDArray) -> NDArray[np.uint32]:
+def _places_of_dabs(dab: NDArray, light_rays: int) -> NDArray[np.uint32]:
     """Where samples (S,) in the order of their dabs begin among the drawn directions of a dome: side by side."""
     turn = np.arange(len(dab)) - np.searchsorted(dab, dab)
     start = np.random.default_rng(11).integers(0, 1 << 16, int(dab.max(initial=0)) + 1)
-    return (start[dab] + turn * LIGHT_RAYS).astype(np.uint32)
+    return (start[dab] + turn * light_rays).astype(np.uint32)
 
 
 def _points_of_dabs(k: int, dab: NDArray, rng: np.random.Generator) -> NDArray[np.float32]:
