@@ -75,6 +75,16 @@ def test_every_value_survives_a_round_trip(shot: Usd.Stage, tmp_path: Path) -> N
         assert_same(a, b)
 
 
+def test_an_offset_and_a_film_that_a_stroke_no_longer_has_are_gone(shot: Usd.Stage, tmp_path: Path) -> None:
+    path = tmp_path / "strokes.usda"
+    write_strokes(path, [make_stroke(tool="clone", clone_offset=(0.5, 0.0, -1.0), film_normal=(0.0, -1.0, 0.0))], shot)
+    (stroke,) = read_strokes(path)
+    without = replace(stroke, tool="replace", clone_offset=(0.0, 0.0, 0.0), film_normal=(0.0, 0.0, 0.0))
+    write_strokes(path, [without], shot)
+    assert_same(read_strokes(path)[0], without)
+    assert "cloneOffset" not in path.read_text() and "filmNormal" not in path.read_text()
+
+
 def test_order_of_strokes_is_the_order_of_prims_also_after_changes(shot: Usd.Stage, tmp_path: Path) -> None:
     path = tmp_path / "strokes.usda"
     a, b, c = (make_stroke(i) for i in range(3))

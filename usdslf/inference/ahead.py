@@ -8,7 +8,7 @@ from usdslf.render.live.scene import constants_of_kernels
 from usdslf.render.wide_field import BLOCK as WIDE_BLOCK
 from usdslf.surfaces.reflectance import model_of
 
-OF_RAYS = ("live_surfaces", "sample_rays", "live_gather")
+OF_RAYS = ("live_surfaces", "sample_rays", "live_paths")
 
 
 def programs_of_answers(model: str) -> Programs:

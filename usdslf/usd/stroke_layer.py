@@ -318,7 +318,7 @@ def _put_where(is_meant: bool, spec: Sdf.PrimSpec, name: str, vector: tuple[floa
     if is_meant:
         _put(spec, name, Names.Vector3f, Gf.Vec3f(*vector))
     elif name in spec.attributes:
-        del spec.attributes[name]
+        del spec.properties[name]
 
 
 def _put(
