@@ -50,6 +50,7 @@ from usdslf.stylize.unsharp_mask import (
     stylize_light,
 )
 from usdslf.surfaces.reflectance import model_of
+from usdslf.threads import one_blas_thread
 
 
 @dataclass(frozen=True)
@@ -235,6 +236,7 @@ def check_stroke(stroke: Stroke) -> None:
         raise StrokeError(f"{stroke.path} has points, widths, colours or eyes that are not finite; paint it again")
 
 
+@one_blas_thread()
 def find_solution(shot: Shot, strokes: Sequence[Stroke], settings: Settings | None = None) -> Solution:
     """Finds the smallest change of materials that explains the active strokes.
 
@@ -319,6 +321,7 @@ def _answers_in(
     return _Found((*direct, *indirect), as_preview, tuple(left))
 
 
+@one_blas_thread()
 def find_style(shot: Shot, amount: float = AMOUNT, radius: float = RADIUS, norm: str = "mixed") -> Solution:
     """Unsharp masks the light field of the whole shot, and finds the reflectance that explains it.
 

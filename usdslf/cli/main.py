@@ -35,9 +35,7 @@ from usdslf.cli.program import Program, Settings
 from usdslf.cli.terminal import log_as_warnings
 from usdslf.errors import InputError, UsdslfError
 from usdslf.progress import forget_interrupt, interrupt
-
-BLAS_THREADS = ("OPENBLAS_NUM_THREADS", "GOTO_NUM_THREADS", "OMP_NUM_THREADS")  # the first that is set counts
-"""One, where nothing else is asked: threads of numpy's linear algebra wait by turning, on the device's processors."""
+from usdslf.threads import BLAS_THREADS
 
 
 @click.group(cls=Program, context_settings={"help_option_names": ["-h", "--help"]})
@@ -58,7 +56,7 @@ def main(arguments: list[str] | None = None) -> int:
     """Runs the program and returns its exit code."""
     options = Settings()
     if "numpy" not in sys.modules and not any(name in os.environ for name in BLAS_THREADS):  # it reads them once
-        os.environ[BLAS_THREADS[0]] = "1"
+        os.environ[BLAS_THREADS[0]] = "1"  # others would wait by turning, on the device's processors
     forget_interrupt()
     on_main = threading.current_thread() is threading.main_thread()
     before = signal.signal(signal.SIGINT, interrupt) if on_main else None

@@ -22,6 +22,7 @@ from usdslf.inference.refits import is_painted, refit_answer
 from usdslf.inference.solve import refit, refit_problem
 from usdslf.inference.weights import Options
 from usdslf.light_field.light_field import LightField
+from usdslf.threads import one_blas_thread
 
 UNLIKELY = 12.0  # cost above the chosen candidate's from which glossiness stays on its coarse level
 
@@ -58,7 +59,7 @@ class IfChosen(Mapping[str, Means]):
     def __getitem__(self, id_: str) -> Means:
         """Returns means after a candidate.  Raises KeyError where there is none of that id."""
         c = self._candidates[id_]
-        with self._lock:
+        with self._lock, one_blas_thread():
             if id_ not in self._found:
                 self._found[id_] = self._means(c)
             return self._found[id_]
