@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,7 +46,7 @@ class GatherRoom(PathRoom):
         self.to_sources = Shadows(device, max(streams, 1) * BATCH)
         self.shone, self.drawn = make((max(streams, 1) * BATCH, 8)), make((2 * BATCH, r.DRAWN_RAY))
         self.rows, self._rows_before = make((BATCH,), np.uint32), make((BATCH,), np.uint32)
-        self.queue = PathQueue.of(geometry, self)
+        self.queue = PathQueue.of(geometry)
         self._numbers: dict[tuple[int, int, bool], Any] = {}
 
     def list_rows(self, rows: NDArray[np.uint32]) -> None:
@@ -71,6 +71,13 @@ class GatherRoom(PathRoom):
                 self._numbers.pop(next(iter(self._numbers)))
             self._numbers[key] = self._device.upload(np.minimum(both, np.float32(1 - 2**-24)))
         return self._numbers[key]
+
+
+class FrameAdder(Adder, Protocol):
+    """Adds frames, and what paths bring to them later."""
+
+    def add_frame(self, room: GatherRoom, count: int) -> None:
+        """Adds what the rays of the first `count` rows in a room met."""
 
 
 @dataclass(frozen=True)
@@ -116,7 +123,7 @@ def _even_tailed(draw: Draw) -> NDArray[np.uint32]:
 
 
 def gather_batch(
-    scene: LiveScene, room: GatherRoom, part: Rows, rows: NDArray[np.uint32], draw: Draw, adder: Adder
+    scene: LiveScene, room: GatherRoom, part: Rows, rows: NDArray[np.uint32], draw: Draw, adder: FrameAdder
 ) -> None:
     """Gathers one ray towards each source, and one of each lobe, for some rows of a part.
 
@@ -152,8 +159,8 @@ def gather_batch(
     )  # fmt: skip
     if draw.depth:
         batch = Sent(sent, count, room.rows, part.identity, room.drawn, draw.depth, draw.seed, adder)
-        room.queue.take(scene, batch)
-    adder.add_frame(count)  # goes on while the next batch is made ready, which traces rays when all of this is done
+        room.queue.take(scene, room, batch)
+    adder.add_frame(room, count)  # goes on while the next batch is made ready, which waits for it before it traces rays
 
 
 def _find_elements(scene: LiveScene, room: GatherRoom, sent: int, may_follow: bool) -> None:
@@ -175,14 +182,13 @@ class ColumnAdder:
     """Adds a frame to the columns of some rows of a part."""
 
     scene: LiveScene
-    room: GatherRoom
     part: Rows
     columns: Columns
     sends_diffuse: bool
 
-    def add_frame(self, count: int) -> None:
-        """Adds what the rays of the first `count` rows in the room met."""
-        g, room, lobes, to = self.scene.geometry, self.room, self.room.lobes, self.columns
+    def add_frame(self, room: GatherRoom, count: int) -> None:
+        """Adds what the rays of the first `count` rows in a room met."""
+        g, lobes, to = self.scene.geometry, room.lobes, self.columns
         g.kernel("live_gather", "add_frame")(
             groups(count), (GROUP,), np.uint32(count), room.rows, np.int32(g.sources.streams),
             np.int32(self.sends_diffuse), self.part.surface, room.to_sources.length, room.to_sources.blocked,
@@ -190,10 +196,10 @@ class ColumnAdder:
             to.latest,
         )  # fmt: skip
 
-    def add_paths(self, first: int, count: int) -> None:
-        """Adds to the same frame what `count` paths of the queue brought."""
+    def add_paths(self, queued: Shared, first: int, count: int) -> None:
+        """Adds to the same frame what `count` queued paths brought."""
         g, to = self.scene.geometry, self.columns
         g.kernel("live_gather", "add_paths")(
-            groups(count), (GROUP,), np.uint32(count), np.uint32(first), self.room.queue.queued, self.part.surface,
+            groups(count), (GROUP,), np.uint32(count), np.uint32(first), queued, self.part.surface,
             self.scene.light.arriving_d, to.sums, to.moments, to.latest,
         )  # fmt: skip

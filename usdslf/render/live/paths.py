@@ -24,13 +24,10 @@ BATCH = 1 << 16  # rows that are gathered at once, and paths that are followed a
 
 
 class Adder(Protocol):
-    """Adds what has come to a room to what rows have gathered."""
+    """Adds what rays have brought to what rows have gathered.  It holds no room, which may hold it."""
 
-    def add_frame(self, count: int) -> None:
-        """Adds what the rays of the first `count` rows in the room met."""
-
-    def add_paths(self, first: int, count: int) -> None:
-        """Adds to the same frame what `count` paths of the queue brought, no two of which are of one row."""
+    def add_paths(self, queued: Shared, first: int, count: int) -> None:
+        """Adds to a frame what `count` queued paths brought, no two of which are of one row."""
 
 
 @dataclass(frozen=True)
@@ -97,7 +94,6 @@ class _Waiting:
 class PathQueue:
     """Rays that wait to be followed, of one scene."""
 
-    room: PathRoom
     rays: Hits
     state: Shared
     queued: Shared
@@ -107,20 +103,18 @@ class PathQueue:
     waiting: list[_Waiting] = field(default_factory=list)
 
     @staticmethod
-    def of(geometry: Geometry, room: PathRoom) -> PathQueue:
+    def of(geometry: Geometry) -> PathQueue:
         """Makes room for all the rays of a batch at least."""
         make = lambda *shape: Shared(geometry.device, shape, np.float32, is_clean=False)  # noqa: E731
-        return PathQueue(
-            room, Hits(geometry.device, 2 * BATCH), make(2 * BATCH, r.PATH), make(2 * BATCH, r.QUEUED)
-        )
+        return PathQueue(Hits(geometry.device, 2 * BATCH), make(2 * BATCH, r.PATH), make(2 * BATCH, r.QUEUED))
 
-    def take(self, scene: LiveScene, sent: Sent) -> None:
-        """Takes those rays of the room's that are to be followed; without room for them, follows others first."""
-        g, room, rows = scene.geometry, self.room, sent.count
+    def take(self, scene: LiveScene, room: PathRoom, sent: Sent) -> None:
+        """Takes those rays of a room that are to be followed; without space for them, follows others first."""
+        g, rows = scene.geometry, sent.count
         room.followed.pull()
         who = np.flatnonzero(room.followed.host[: sent.rays])
         if self.count + len(who) > len(self.queued.host) or (self.scene, self.most) != (scene, sent.most):
-            self.follow()
+            self.follow(room)
         n, first, lobes = len(who), self.count, room.lobes
         if not n:
             return
@@ -137,15 +131,15 @@ class PathQueue:
         self.waiting += [_Waiting(*part, sent.adder) for part in parts if part[1]]
         self.scene, self.most, self.count = scene, sent.most, first + n
 
-    def follow(self) -> None:
-        """Follows all that wait, and adds what they bring.  If it is cancelled, they wait on."""
+    def follow(self, room: PathRoom) -> None:
+        """Follows all that wait, in a room, and adds what they bring.  If it is cancelled, they wait on."""
         if self.scene is None:
             return
         self.scene.geometry.device.finish()  # with the room that is written to
         who = np.arange(self.count, dtype=np.int32)
-        follow(self.scene, self.room, (self.rays, self.state), who, Brought(self.queued, r.QUEUED), self.most)
+        follow(self.scene, room, (self.rays, self.state), who, Brought(self.queued, r.QUEUED), self.most)
         for paths in self.waiting:
-            paths.adder.add_paths(paths.first, paths.count)
+            paths.adder.add_paths(self.queued, paths.first, paths.count)
         self.scene.geometry.device.finish()  # before the queue is written to again
         self.waiting.clear()
         self.scene, self.count = None, 0

@@ -247,7 +247,7 @@ class LivePicture:
 
     def _show(self) -> None:
         """Makes the view and its columns those of this picture."""
-        self._room.queue.follow()  # of a frame that was cancelled
+        self._room.queue.follow(self._room)  # of a frame that was cancelled
         if self.view.scene is not self.scene:
             self.view.show(self.scene)
         self._gathered.take(self._shares, self.view)
@@ -283,7 +283,7 @@ class LivePicture:
                 rows = np.concatenate([g.rows[g.begun : g.begun + n] for g, n in batch])
                 draw = Draw.of_live(batch[0][0].frames, self.scene.geometry.sources.has_even_dome)
                 columns = self._gathered.columns[p]
-                adder = ColumnAdder(self.scene, self._room, part, columns, draw.sends_diffuse)
+                adder = ColumnAdder(self.scene, part, columns, draw.sends_diffuse)
                 gather_batch(self.scene, self._room, part, rows, draw, adder)
                 for group, count in batch:
                     group.begun += count
@@ -292,7 +292,7 @@ class LivePicture:
                         waiting.popleft()
                 if waiting:
                     tell()
-        self._room.queue.follow()
+        self._room.queue.follow(self._room)
 
     # ── the picture ────────────────────────────────────────────────────────────────────────────
 

@@ -86,25 +86,24 @@ class SumAdder:
     """Adds a frame to sums of light."""
 
     scene: LiveScene
-    room: GatherRoom
     part: Rows
     sums: _Sums
     is_first: bool
 
-    def add_frame(self, count: int) -> None:
-        """Adds what the rays of the first `count` rows in the room met."""
-        g, room, sums = self.scene.geometry, self.room, self.sums
+    def add_frame(self, room: GatherRoom, count: int) -> None:
+        """Adds what the rays of the first `count` rows in a room met."""
+        g, sums = self.scene.geometry, self.sums
         g.kernel("live_still", "add_samples")(
             groups(count), (GROUP,), np.uint32(count), room.rows, *g.sources.arrays[:3], np.int32(self.is_first),
             self.part.surface, room.to_sources.length, room.to_sources.blocked, room.shone, room.lobes.length,
             room.drawn, room.arrived, self.scene.light.arriving_d, *sums.arrays, sums.sent,
         )  # fmt: skip
 
-    def add_paths(self, first: int, count: int) -> None:
-        """Adds to the same frame what `count` paths of the queue brought."""
+    def add_paths(self, queued: Shared, first: int, count: int) -> None:
+        """Adds to the same frame what `count` queued paths brought."""
         g, sums = self.scene.geometry, self.sums
         g.kernel("live_still", "add_paths_to_sums")(
-            groups(count), (GROUP,), np.uint32(count), np.uint32(first), self.room.queue.queued, self.part.surface,
+            groups(count), (GROUP,), np.uint32(count), np.uint32(first), queued, self.part.surface,
             self.scene.light.arriving_d, sums.bounced, sums.sent,
         )  # fmt: skip
 
@@ -266,7 +265,7 @@ class StillPicture:
         frames = self._gather(rows, there, sums, count, 0)
         noise = Noise(g, window, rows, there, count)
         for _ in frames:
-            self._room.queue.follow()
+            self._room.queue.follow(self._room)
             noise.add(sums.sent)
         times, chosen = noise.uncertain()
         if len(chosen):
@@ -302,12 +301,12 @@ class StillPicture:
                 further + 1000 + seed, r.SET * of_turn, of_turn, step, 0, NEAR_TILE**2 - 1, True, True, True,
                 self.options.depth, frame + 1 + seed,
             )  # fmt: skip
-            adder = SumAdder(self.scene, room, rows, sums, frame == 0 and turn == 0)
+            adder = SumAdder(self.scene, rows, sums, frame == 0 and turn == 0)
             for first in range(0, len(there), BATCH):
                 gather_batch(self.scene, room, rows, there[first : first + BATCH], draw, adder)
                 tell()
             yield
-        room.queue.follow()
+        room.queue.follow(room)
 
     def _filtered(self, light: Shared, width: int, rows: Rows, listed: Shared, window: Window) -> Shared:
         """Averages light over a window, along rows and then along columns."""
