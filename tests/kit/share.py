@@ -23,8 +23,8 @@ Item = TypeVar("Item")
 ALIKE = (
     "animation", "batch/test_joint.py", "edits", "elements", "geometry", "hydra_viewer/test_on_a_display.py",
     "inference", "journeys/test_demo.py", "light_field", "lights", "render", "sampling", "similarity", "strokes",
-    "stylize", "surfaces", "test_sentences.py", "test_structure.py", "textures/test_texture_store.py", "truth",
-    "usd/author/test_look_round_trip.py",
+    "stylize", "surfaces", "test_sentences.py", "test_structure.py", "test_threads.py",
+    "textures/test_texture_store.py", "truth", "usd/author/test_look_round_trip.py",
 )  # fmt: skip
 COUNTED = ("inference/test_recovery.py",)  # divided by what they count, below
 TESTS = Path(__file__).resolve().parents[1]
