@@ -7,7 +7,9 @@ import threading
 import weakref
 
 import pyopencl as cl
+import pytest
 
+from usdslf.gpu import shared
 from usdslf.gpu.device import open_device
 from usdslf.gpu.shared import Shared
 
@@ -36,3 +38,36 @@ def test_memory_stays_until_no_kernel_works_in_it_though_its_device_is_gone() ->
         gate.set_status(cl.command_execution_status.COMPLETE)
         thread.join(20)
     assert not thread.is_alive() and memory() is None
+
+
+def kept() -> int:
+    """Bytes that are kept for arrays to come."""
+    gc.collect()
+    return sum(found.size for spare in shared._SPARE.values() for found in spare)
+
+
+def test_devices_together_keep_no_more_than_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The oldest goes first, at once and not with the next array, and not what a kernel may still work in."""
+    piece, before = 1 << 20, kept()
+    monkeypatch.setattr(shared, "SPARE_BYTES", before + 3 * piece)
+    devices = [open_device() for _ in range(4)]
+    for device in devices:
+        arrays = [Shared(device, (piece,), "uint8") for _ in range(3)]
+        for array in arrays:
+            array.host[0] = 7
+        device.finish()
+        while arrays:
+            arrays.pop()
+            device.finish()  # each is idle when the next one goes
+    assert before + 2 * piece <= kept() <= before + 4 * piece  # the last one is told by the next
+    last = Shared(devices[-1], (piece,), "uint8", is_clean=False)
+    assert last.host[0] == 7  # used again
+    gate = cl.UserEvent(devices[0].context)
+    cl.enqueue_marker(devices[0].queue, wait_for=[gate])
+    busy = [Shared(devices[0], (piece,), "uint8", is_clean=False) for _ in range(6)]
+    busy.clear()
+    assert kept() >= before + 6 * piece
+    gate.set_status(cl.command_execution_status.COMPLETE)
+    devices[0].finish()
+    del last
+    assert kept() <= before + 4 * piece

@@ -1,13 +1,16 @@
 """Arrays that host and device work on in turns: rays are traced on the host, all else is done in kernels.
 
 Where the device works in the host's memory nothing is copied; elsewhere `push` and `pull` copy.  Memory that nobody
-holds any more is used again: fresh pages cost more than most kernels that fill them.
+holds any more is used again, by arrays of the same device: fresh pages cost more than most kernels that fill them.  All
+devices of a process together, one of each shot, keep no more of it than SPARE_BYTES.
 """
 
 from __future__ import annotations
 
 import mmap
+import threading
 from collections import deque
+from contextlib import suppress
 from typing import Any
 from weakref import WeakKeyDictionary, finalize
 
@@ -18,7 +21,7 @@ from numpy.typing import DTypeLike, NDArray
 from usdslf.gpu.device import Device
 from usdslf.gpu.pages import pages_of_zeros
 
-SPARE_BYTES = 1 << 30  # kept for arrays to come, at most
+SPARE_BYTES = 1 << 30  # kept for arrays to come, at most, of all devices
 STEPS = 8  # sizes between one power of two and the next that memory is given in
 
 _Piece = tuple[int, mmap.mmap, Any]
@@ -35,6 +38,11 @@ class _Spare:
             done: the event after which no kernel works in it.
         """
         self.size, self._piece, self._done = piece[0], piece, done
+
+    @property
+    def is_idle(self) -> bool:
+        """Whether nothing works in it any more."""
+        return bool(self._done.command_execution_status <= cl.command_execution_status.COMPLETE)  # below: an error
 
     def taken(self) -> _Piece:
         """Returns the piece, when nothing works in it any more."""
@@ -62,7 +70,6 @@ class Shared:
         spare = _spare_of(device)
         room = _room_of(size)
         piece = _take(spare, room)
-        _trim(spare)
         is_new = piece is None
         size_of_piece, memory, self.buffer = piece or self._made(device, room)
         pages: NDArray[Any] = np.frombuffer(memory, np.uint8)
@@ -94,10 +101,12 @@ class Shared:
 
 
 _SPARE: WeakKeyDictionary[Device, deque[_Spare]] = WeakKeyDictionary()
+_lock = threading.RLock()  # of its keys; what is collected within may give memory back
 
 
 def _spare_of(device: Device) -> deque[_Spare]:
-    return _SPARE.setdefault(device, deque())
+    with _lock:
+        return _SPARE.setdefault(device, deque())
 
 
 def _room_of(size: int) -> int:
@@ -114,6 +123,7 @@ def _give_back(queue: Any, spare: deque[_Spare], piece: _Piece) -> None:
     done = cl.enqueue_marker(queue)
     queue.flush()
     spare.append(_Spare(piece, done))
+    _trim()
 
 
 def _take(spare: deque[_Spare], room: int) -> _Piece | None:
@@ -128,10 +138,16 @@ def _take(spare: deque[_Spare], room: int) -> _Piece | None:
     return None
 
 
-def _trim(spare: deque[_Spare]) -> None:
-    """Lets the oldest memory go that is too much."""
-    while sum(found.size for found in tuple(spare)) > SPARE_BYTES:
-        try:
-            spare.popleft()
-        except IndexError:
-            return
+def _trim() -> None:
+    """Lets memory go that is too much: the oldest, of the device that keeps most, in which nothing works any more."""
+    with _lock:
+        all_spare = list(_SPARE.values())
+    sizes = [sum(found.size for found in tuple(spare)) for spare in all_spare]
+    for number in sorted(range(len(sizes)), key=sizes.__getitem__, reverse=True):
+        for found in tuple(all_spare[number]):
+            if sum(sizes) <= SPARE_BYTES:
+                return
+            if found.is_idle:
+                with suppress(ValueError):  # another thread has taken it
+                    all_spare[number].remove(found)
+                sizes[number] -= found.size
