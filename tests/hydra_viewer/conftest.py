@@ -14,10 +14,12 @@ collect_ignore = NEED_QT if displays.why_no_qt() else [] if displays.has_hydra()
 
 @pytest.fixture(scope="module", autouse=True)
 def _what_windows_left_is_freed() -> Iterator[None]:
-    """On the main thread, before other tests let Python collect on any."""
+    """On the main thread, before other tests let Python collect on any; a window that is left would hold its shot."""
     yield
     if "hydra_viewer.ui.collector" in sys.modules:
         sys.modules["hydra_viewer.ui.collector"].collect_anywhere()
+        shown = sys.modules["PySide6.QtWidgets"].QApplication.topLevelWidgets()
+        assert not [w for w in shown if type(w).__name__ == "Window"]
 
 
 @pytest.fixture(autouse=True)

@@ -96,9 +96,10 @@ def test_a_picture_that_fails_once_is_tried_again(window: Window, monkeypatch: p
 
     monkeypatch.setattr(viewport._painter, "paint", fail_first)
     painted = list[object]()
-    viewport.changed.connect(lambda: painted.append(viewport.shown))
+    changed = viewport.changed.connect(lambda: painted.append(viewport.shown))
     window.easel.view_changed()
     wait_for(lambda: bool(painted), 20)
+    viewport.changed.disconnect(changed)  # which would hold the viewport, and that its shot
     assert len(tries) > 1 and window.bar.text == ""
 
 

@@ -47,6 +47,7 @@ def window(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Window]:
         review(window)
         yield window
     window.close()
+    window.deleteLater()
 
 
 def review(window: Window) -> None:

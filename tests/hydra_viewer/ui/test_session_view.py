@@ -32,6 +32,7 @@ def test_what_is_painted_is_the_sessions(tmp_path: Path) -> None:
     timer.timeout.connect(work)
     timer.start(50)
     session.view()
+    timer.timeout.disconnect(work)
     (stroke,) = session.strokes
     assert stroke.surfaces == ("/World/table",)
     assert [a.pool.strokes for a in session.answers] == [(0,)]

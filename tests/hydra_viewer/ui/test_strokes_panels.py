@@ -78,6 +78,7 @@ def artist(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Artist]:
     yield found
     window.document.mark_saved(window.document.files, window.document.strokes)
     window.close()
+    window.deleteLater()
 
 
 @pytest.fixture
