@@ -87,38 +87,36 @@ __kernel void entries_of_hits(const uint count, __global const float *direction,
 
 /* origin, direction (n, 3)
  * distance          (n) of the hit
+ * near_elements     (entries, PER_ENTRY)
+ * placed            (N, 4, 4) of each element, a line of the cache: position, and the three columns of its frame
  * found             (n) of entries_of_hits: in, entries; out, the elements in their place
- * near_elements (entries, PER_ENTRY), position (N, 3), frames (N, 3, 3)
- * back              (n, 3) result: the direction back along the ray, in the element's frame
+ * back              (3, n) result: the direction back along the ray, in the element's frame
  */
 __kernel void nearest_of_hits(const uint count, __global const float *origin, __global const float *direction,
                               __global const float *distance, __global const uint *near_elements,
-                              __global const float *position, __global const float *frames, __global uint *found,
-                              __global float *back)
+                              __global const float *placed, __global uint *found, __global float *back)
 {
     uint r = get_global_id(0);
     if (r >= count) return;
     uint at = found[r];
     if (!IS_LINK(at)) {
-        back[3 * r] = back[3 * r + 1] = back[3 * r + 2] = 0.0f;
+        back[r] = back[count + r] = back[2 * count + r] = 0.0f;
         return;
     }
     float s = distance[r], x = direction[3 * r], y = direction[3 * r + 1], z = direction[3 * r + 2];
     uint4 list = vload4(0, near_elements + (size_t)at * PER_ENTRY);
-    __global const float *a = position + 3 * (size_t)list.x, *b = position + 3 * (size_t)list.y;
-    __global const float *c = position + 3 * (size_t)list.z, *e = position + 3 * (size_t)list.w;
-    float4 dx = (float4)(a[0], b[0], c[0], e[0]) - (origin[3 * r] + s * x);
-    float4 dy = (float4)(a[1], b[1], c[1], e[1]) - (origin[3 * r + 1] + s * y);
-    float4 dz = (float4)(a[2], b[2], c[2], e[2]) - (origin[3 * r + 2] + s * z);
+    float4 p = (float4)(origin[3 * r] + s * x, origin[3 * r + 1] + s * y, origin[3 * r + 2] + s * z, 0.0f);
+    float4 a = vload4(4 * (size_t)list.x, placed) - p, b = vload4(4 * (size_t)list.y, placed) - p;
+    float4 c = vload4(4 * (size_t)list.z, placed) - p, e = vload4(4 * (size_t)list.w, placed) - p;
+    float4 dx = (float4)(a.x, b.x, c.x, e.x), dy = (float4)(a.y, b.y, c.y, e.y), dz = (float4)(a.z, b.z, c.z, e.z);
     /* The place in the list rides in the last bits of the squared distance, which orders as its bits do. */
     uint4 key = (as_uint4(dx * dx + dy * dy + dz * dz) & DISTANCE_BITS) | (uint4)(0, 1, 2, 3);
     uint2 two = LESSER(key.xy, key.zw);
     uint k = LESSER(two.x, two.y) & ~DISTANCE_BITS;
-    uint nearest = k < 2 ? (k == 0 ? list.x : list.y) : (k == 2 ? list.z : list.w);
-    __global const float *q = frames + 9 * (size_t)nearest;
-    back[3 * r] = -(x * q[0] + y * q[1] + z * q[2]);
-    back[3 * r + 1] = -(x * q[3] + y * q[4] + z * q[5]);
-    back[3 * r + 2] = -(x * q[6] + y * q[7] + z * q[8]);
+    uint nearest = near_elements[(size_t)at * PER_ENTRY + k];
+    __global const float *q = placed + 16 * (size_t)nearest;
+    float4 towards = -(x * vload4(1, q) + y * vload4(2, q) + z * vload4(3, q));
+    back[r] = towards.x; back[count + r] = towards.y; back[2 * count + r] = towards.z;
     found[r] = nearest;
 }
 
@@ -129,6 +127,6 @@ __kernel void pack_hits(const uint count, __global const uint *found, __global c
 {
     uint r = get_global_id(0);
     if (r >= count) return;
-    uint e = found[r], link = LINK(e, bin_of_lane(back[3 * r], back[3 * r + 1], back[3 * r + 2]));
+    uint e = found[r], link = LINK(e, bin_of_lane(back[r], back[count + r], back[2 * count + r]));
     hit[r] = IS_LINK(e) ? link : e;
 }

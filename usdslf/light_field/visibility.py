@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from usdslf.elements.lookup import ElementLookup
     from usdslf.gpu.device import Device
 
-BATCH = 16  # elements whose rays are traced and looked up at once: all of it stays in the second-level cache
+BATCH = 64  # elements whose rays are traced and looked up at once; fewer wait for launches more often
 
 Wanted = Callable[[slice], NDArray]
 """rows of elements -> which of their bins (n, D)."""
@@ -98,7 +98,7 @@ class _Room:
         self.ray, self.origin, self.direction = make((count,), np.uint32), make((count, 3)), make((count, 3))
         self.triangle, self.u, self.v = make((count,), np.int32), make((count,)), make((count,))
         self.distance, self.found = make((count,)), make((count,), np.uint32)
-        self.back, self.link = make((count, 3)), make((count,), np.uint32)
+        self.back, self.link = make((3, count)), make((count,), np.uint32)
 
     @property
     def hits(self) -> tuple[Shared, ...]:
@@ -137,6 +137,7 @@ class _Seer:
         self, elements: Elements, lookup: ElementLookup, tracer: RayTracer, device: Device, workers: int
     ) -> None:  # fmt: skip
         self._maker, self._tracer, self._tables = _RayMaker(elements, tracer, device), tracer, lookup.upload(device)
+        self._placed_d = device.upload(_placed(elements))
         self._rooms: SimpleQueue[_Room] = SimpleQueue()
         for _ in range(workers):
             self._rooms.put(_Room(device, BATCH * D))
@@ -166,8 +167,15 @@ class _Seer:
             t.entry_of_cell_d, t.cell_count, room.found,
         )  # fmt: skip
         nearest_of_hits(
-            *size, n, room.origin, room.direction, room.distance, t.elements_of_entry_d, t.position_d, t.frames_d,
+            *size, n, room.origin, room.direction, room.distance, t.elements_of_entry_d, self._placed_d,
             room.found, room.back,
         )  # fmt: skip
         pack_hits(*size, n, room.found, room.back, room.link)
         room.link.pull()
+
+
+def _placed(elements: Elements) -> F32:
+    """Position and the columns of the frame of each element (n, 4, 4), a line of the cache; at least one row."""
+    placed = np.zeros((max(len(elements), 1), 4, 4), np.float32)
+    placed[: len(elements), 0, :3], placed[: len(elements), 1:, :3] = elements.position, elements.frame.swapaxes(1, 2)
+    return placed
