@@ -18,7 +18,7 @@ import pytest
 from kit.stage_parts import StageBuilder, TextureInput, write_image
 
 import usdslf
-from usdslf import cache, shot, shot_light
+from usdslf import cache, shot, shot_cache, shot_light
 from usdslf.elements.lookup import ElementLookup
 from usdslf.light_field.light_field import LightField
 from usdslf.render.live.sums import Sums
@@ -130,6 +130,26 @@ def test_what_a_change_concerns_is_computed_again(
         plain = parts_of(path)
     for name, value in plain.items():
         np.testing.assert_array_equal(after[name], value)
+
+
+def test_another_program_computes_all_again(
+    tmp_path: Path, computed: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One of which a module or a kernel says something else."""
+    path, code = write_stage(tmp_path / "a"), shot_cache.program_code.__wrapped__
+    parts_of(path)
+    computed.clear()
+    monkeypatch.setattr(shot_cache, "program_code", lambda: "another")
+    parts_of(path)
+    assert computed == ALL
+    files = {suffix: tmp_path / f"a{suffix}" for suffix in (".py", ".cl")}
+    monkeypatch.setattr(shot_cache, "_files_in", lambda _, suffix: [str(files[suffix])])
+    codes = set()
+    for module, kernel in (("x = 1", "// 1"), ("x = 2", "// 1"), ("x = 1", "// 2")):
+        files[".py"].write_text(module)
+        files[".cl"].write_text(kernel)
+        codes.add(code())
+    assert len(codes) == 3 and code() in codes
 
 
 def test_a_damaged_entry_is_computed_again_and_said(

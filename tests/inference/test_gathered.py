@@ -12,7 +12,7 @@ from kit.lit_plane import FLOOR, dabs, places, seen, write_plane
 
 import usdslf
 from usdslf import solution
-from usdslf.inference import first_answers
+from usdslf.inference import first_answers, whitening
 from usdslf.inference.answers import Painted
 from usdslf.inference.bilinear import Tables
 from usdslf.inference.evidence import Evidence
@@ -94,6 +94,15 @@ def test_a_first_answer_is_weighed_once_and_evidence_taken_once_in_the_light_as_
     solution.find_solution(shot, [first], solution.Settings(choose={"a": "specular"}))
     solution.find_solution(shot, [first], solution.Settings(weights=Options(group=9.0)))
     assert len(weighed) == 4 and taken == ["a", "b"]
+
+
+def test_the_errors_of_a_pool_are_factored_once(path: Path) -> None:
+    """For its fits, and for the fit again; whatever the light is, and for another choice."""
+    shot = usdslf.open(str(path), elements=100).shot
+    whitening._white_of.cache_clear()
+    solution.find_solution(shot, [painted("a", 1.3)])
+    solution.find_solution(shot, [painted("a", 1.3)], solution.Settings(choose={"a": "specular"}))
+    assert whitening._white_of.cache_info().misses == 2
 
 
 def test_what_is_said_of_a_stroke_is_said_each_time(path: Path) -> None:
