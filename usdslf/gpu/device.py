@@ -62,7 +62,7 @@ class Device:
         self._mapping = cl.CommandQueue(context)  # of new arrays, which wait for nothing
         self._programs = programs or Programs()
         self._kernels: dict[tuple, Kernel] = {}
-        self.moved = 0  # bytes between host and device so far, by `upload` and `download`
+        self.moved = 0  # bytes between host and device so far, those of arrays that are copied (shared.py) too
         self.memory = int(self._info.global_mem_size)
         self.largest_array = int(self._info.max_mem_alloc_size)
 

@@ -65,8 +65,7 @@ class Shared:
         """
         count = int(np.prod(shape))
         size = max(count * np.dtype(dtype).itemsize, 1)
-        self._queue = device.queue
-        self._is_same = device.has_host_memory
+        self._device, self._is_same = device, device.has_host_memory
         spare = _spare_of(device)
         room = _room_of(size)
         piece = _take(spare, room)
@@ -90,14 +89,16 @@ class Shared:
     def push(self) -> None:
         """Gives what the host wrote to the device."""
         if not self._is_same:
-            cl.enqueue_copy(self._queue, self.buffer, self.host)
+            self._device.moved += self.host.nbytes
+            cl.enqueue_copy(self._device.queue, self.buffer, self.host)
 
     def pull(self) -> None:
         """Waits for the device, and gives what it wrote to the host."""
         if self._is_same:
-            self._queue.finish()
+            self._device.finish()
         else:
-            cl.enqueue_copy(self._queue, self.host, self.buffer)
+            self._device.moved += self.host.nbytes
+            cl.enqueue_copy(self._device.queue, self.host, self.buffer)
 
 
 _SPARE: WeakKeyDictionary[Device, deque[_Spare]] = WeakKeyDictionary()
