@@ -16,15 +16,17 @@ inline int bin_in_block(uint b, uint x, uint y)
 
 /* A guide's row holds the cumulative chances of an element's blocks. */
 
-inline float chance_before(__global const float *row, int b) { return b > 0 ? row[b - 1] : 0.0f; }
+inline float chance_before(__global const float *row, int b)
+{
+    float before = row[b > 0 ? b - 1 : 0];
+    return b > 0 ? before : 0.0f;
+}
 
-/* the first block whose cumulative chance exceeds u */
+/* the first block whose cumulative chance exceeds u, or the last */
 inline int block_by_chance(__global const float *row, float u)
 {
-    int low = 0, high = BLOCK_COUNT - 1;
-    while (low < high) {
-        int middle = (low + high) / 2;
-        if (row[middle] > u) high = middle; else low = middle + 1;
-    }
+    int low = 0;
+    #pragma unroll
+    for (int step = BLOCK_COUNT / 2; step > 0; step /= 2) low += row[low + step - 1] > u ? 0 : step;
     return low;
 }

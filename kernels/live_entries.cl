@@ -8,11 +8,11 @@
 
 /* may_follow, least_footprint: whether rays of a small footprint are followed, and how small it is
  * ray_direction (n, 3), ray_length, triangle, u_of, v_of, distance (n): rays and what they met
- * drawn_ray (n, DRAWN_RAY); face_normal (T, 3); cells, entries, cell_count of the tables
+ * drawn_ray (DRAWN_RAY, rays); face_normal (T, 3); cells, entries, cell_count of the tables
  * entry_of (n) result: entries, IS_FOLLOWED, or NO_ENTRY where no light of elements is met
  */
 __kernel void entries_of_rays(
-    const uint count, const int may_follow, const float least_footprint, __global const float *ray_direction,
+    const uint count, const uint rays, const int may_follow, const float least_footprint, __global const float *ray_direction,
     __global const float *ray_length, __global const int *triangle, __global const float *u_of, __global const float *v_of,
     __global const float *distance, __global const float *drawn_ray, __global const float *face_normal,
     __global const uint *cells, __global const uint *entries, const uint cell_count, __global uint *entry_of)
@@ -26,7 +26,7 @@ __kernel void entries_of_rays(
     facing = is_there ? facing : 1.0f;
     float u = is_there ? u_of[i] : 0.0f, v = is_there ? v_of[i] : 0.0f;
     uint entry = entry_of_point(cells, entries, cell_count, t, u, v, facing > 0.0f);
-    int is_fine = is_footprint_fine(least_footprint, facing, distance[i], drawn_ray[i * DRAWN_RAY + RAY_LOBE_PDF]);
+    int is_fine = is_footprint_fine(least_footprint, facing, distance[i], drawn_ray[RAY_LOBE_PDF * (size_t)rays + i]);
     entry = may_follow & is_fine ? IS_FOLLOWED : entry;
     entry_of[i] = is_there ? entry : NO_ENTRY;
 }

@@ -12,7 +12,7 @@
 
 /* the first surface's rays, of row_count rows, once or twice, that are followed: who (count), to the places from `first` on
  * seed      of what they draw
- * rows, identity, drawn_ray: as of draw_first of live_gather.cl
+ * rows, identity, drawn_ray: as of live_draw.cl
  * queued (n, QUEUED): row, light that the path brings, what was drawn */
 __kernel void queue_paths(
     const uint count, __global const int *who, const uint first, const uint seed, const uint row_count,
@@ -29,16 +29,17 @@ __kernel void queue_paths(
     triangle_to[to] = triangle[from];
     u_to[to] = u_of[from];
     v_to[to] = v_of[from];
-    __global const float *ray = drawn_ray + from * DRAWN_RAY;
+    size_t rays = (size_t)2 * row_count;
+    __global const float *ray = drawn_ray + from;
     __global float *s = state + to * PATH, *out = queued + to * QUEUED;
     s[0] = s[1] = s[2] = 1.0f;
-    s[3] = ray[RAY_LOBE_PDF];
+    s[3] = ray[RAY_LOBE_PDF * rays];
     s[4] = as_float((uint)to);
     s[10] = as_float(2u * identity[row] + is_second);
     s[11] = as_float(seed);
     out[Q_ROW] = as_float(row);
     #pragma unroll
-    for (int k = 0; k < DRAWN_RAY; k++) out[Q_RAY + k] = ray[k];
+    for (int k = 0; k < DRAWN_RAY; k++) out[Q_RAY + k] = ray[k * rays];
 }
 
 /* what paths need at the surfaces that they met, side by side */
@@ -73,7 +74,8 @@ __kernel void scatter(
     __global const float *surface = surfaces + i * SURFACE;
     __global float *s = state + i * PATH;
     Lobe lobe = lobe_of(surface);
-    float3 p = row3(surface, POSITION), start = start_of(surface), geometric = row3(surface, GEOMETRIC);
+    float3 p = row3(surface, POSITION);
+    Triple start = start_of(surface), geometric = triple(surface, GEOMETRIC);
     uint random_state = as_uint(s[10]) * 9781u + (as_uint(s[11]) * 8u + depth) * 7919u;
     random(&random_state);
     float cover = surface[COVER], opacity = fabs(cover);
@@ -86,7 +88,6 @@ __kernel void scatter(
     float share = diffuse > 1e-4f * specular ? within(specular / larger(specular + diffuse, 1e-6f), 0.2f, 0.85f) : 1.0f;
     float specular_chance = share * (1.0f - coat_chance);
     float diffuse_chance = 1.0f - specular_chance - coat_chance;
-    float w[WEIGHTS], lobe_pdf, coat_pdf;
 
     shadow_length[i] = 0.0f;
     float chance;
@@ -98,17 +99,15 @@ __kernel void scatter(
     if (chosen >= 0) {
         __global const float *source = sources + chosen * SOURCE;
         Arrival a = draw_source(SCENE, chosen, p, u, (uint)(u.x * DRAWN));
-        float3 l = local_in(lobe, a.direction);
-        if (a.density > 0.0f && l.z > 0.0f && inner(geometric, a.direction) > 0.0f) {
-            weights_of(lobe, l, unit(lobe.e + l), w, &lobe_pdf, &coat_pdf);
-            float pdf = diffuse_chance * l.z / PI_F + specular_chance * lobe_pdf + coat_chance * coat_pdf;
+        Triple l = local_in(lobe, triple(a.direction));
+        if (a.density > 0.0f && l.z > 0.0f && inner(geometric, triple(a.direction)) > 0.0f) {
+            Weights w = weights_of(lobe, l, unit(plus(lobe.e, l)));
+            float pdf = diffuse_chance * l.z / PI_F + specular_chance * w.lobe_pdf + coat_chance * w.coat_pdf;
             float sampled = a.density * chance;
             float of = 1.0f / (source[SRC_ALONE] > 0.0f ? sampled : sampled + pdf);
-            #pragma unroll
-            for (int k = 0; k < WEIGHTS; k++) w[k] *= of * source[k < DIFFUSE_COLUMNS ? SRC_DIFFUSE : SRC_SPECULAR];
-            shone = throughput * reflected(surface, w) * a.radiance;
+            shone = throughput * reflected(surface, w, of * source[SRC_DIFFUSE], of * source[SRC_SPECULAR]) * a.radiance;
             if (largest(shone) > 0.0f) {
-                store3(start, shadow_origin, i);
+                put3(start, shadow_origin, 3 * i);
                 store3(a.direction, shadow_direction, i);
                 shadow_length[i] = lesser(a.distance * (1.0f - 1e-4f), 1e37f);
             }
@@ -120,33 +119,31 @@ __kernel void scatter(
     float x = random(&random_state);
     u.x = random(&random_state);
     u.y = random(&random_state);
-    float3 l, h;
+    Triple l, h;
     if (x < specular_chance + coat_chance) {
-        mirrored_by(x < specular_chance ? lobe.alpha : lobe.coat_alpha, lobe.e, u, &l, &h);
+        mirrored_by(x < specular_chance ? lobe.alpha : lobe.coat_alpha, lobe.e, u.x, u.y, &l, &h);
     } else {
-        l = cosine_direction(u);
-        h = unit(lobe.e + l);
+        l = cosine_direction(u.x, u.y);
+        h = unit(plus(lobe.e, l));
     }
     if (!(l.z > 0.0f)) return;
-    weights_of(lobe, l, h, w, &lobe_pdf, &coat_pdf);
-    float pdf = diffuse_chance * l.z / PI_F + specular_chance * lobe_pdf + coat_chance * coat_pdf;
+    Weights w = weights_of(lobe, l, h);
+    float pdf = diffuse_chance * l.z / PI_F + specular_chance * w.lobe_pdf + coat_chance * w.coat_pdf;
     if (!(pdf > 0.0f)) return;
-    #pragma unroll
-    for (int k = 0; k < WEIGHTS; k++) w[k] /= pdf;
-    throughput *= reflected(surface, w);
+    throughput *= reflected(surface, w, 1.0f / pdf, 1.0f / pdf);
     float most = largest(throughput); /* paths that bring little end by chance */
     if (!(most > 0.0f)) return;
     if (most < LITTLE) {
         if (random(&random_state) * LITTLE >= most) return;
         throughput *= LITTLE / most;
     }
-    float3 d = world_from(lobe, l);
+    Triple d = world_from(lobe, l);
     put3(throughput, s, 0);
     s[3] = lesser(s[3], pdf);
     s[5] = pdf;
     s[6] = fold(geometric, &d) ? 1.0f : 0.0f;
-    store3(start, ray_origin, i);
-    store3(d, ray_direction, i);
+    put3(start, ray_origin, 3 * i);
+    put3(d, ray_direction, 3 * i);
     ray_length[i] = 1e37f;
 }
 

@@ -10,6 +10,7 @@
 #include "reflectance.cl"
 #include "lookup.cl"
 
+#define WEIGHTS 5 /* of a direction: those of X, Y, A, B and coat */
 #define TURN 6.283185307f
 #define NONE_SO_FAR 1e38f
 #define IS_FOLLOWED 0xfffffffeu /* in the place of an entry: the light field does not answer this ray */
@@ -26,9 +27,27 @@ OVERLOADED float3 lesser(float3 a, float b) { return (float3)(lesser(a.x, b), le
 OVERLOADED float within(float x, float low, float high) { return lesser(larger(x, low), high); }
 OVERLOADED int within(int x, int low, int high) { return lesser(larger(x, low), high); }
 OVERLOADED float3 within(float3 x, float low, float high) { return lesser(larger(x, low), high); }
-inline float3 unit(float3 v) { return v * (1.0f / sqrt(v.x * v.x + v.y * v.y + v.z * v.z)); }
-inline float inner(float3 a, float3 b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
+OVERLOADED float3 unit(float3 v) { return v * (1.0f / sqrt(v.x * v.x + v.y * v.y + v.z * v.z)); }
+OVERLOADED float inner(float3 a, float3 b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
 inline float size_of(float3 v) { return sqrt(inner(v, v)); }
+
+/* three numbers, and no vector: compilers put work-items into lanes only where their numbers are not in vectors already */
+typedef struct {
+    float x, y, z;
+} Triple;
+
+OVERLOADED Triple triple(float x, float y, float z)
+{
+    Triple v = {x, y, z};
+    return v;
+}
+OVERLOADED Triple triple(float3 v) { return triple(v.x, v.y, v.z); }
+OVERLOADED Triple triple(__global const float *row, int at) { return triple(row[at], row[at + 1], row[at + 2]); }
+inline float3 vector(Triple v) { return (float3)(v.x, v.y, v.z); }
+inline Triple plus(Triple a, Triple b) { return triple(a.x + b.x, a.y + b.y, a.z + b.z); }
+inline Triple times(float s, Triple v) { return triple(s * v.x, s * v.y, s * v.z); }
+OVERLOADED float inner(Triple a, Triple b) { return a.x * b.x + a.y * b.y + a.z * b.z; }
+OVERLOADED Triple unit(Triple v) { return times(1.0f / sqrt(inner(v, v)), v); }
 
 /* cosine and sine of 2 pi x for x of [0, 1): polynomials, since a device's own are slow on processors */
 inline float2 cos_sin_of_turn(float x)
@@ -39,8 +58,8 @@ inline float2 cos_sin_of_turn(float x)
     float a2 = a * a;
     float s = a * (1.0f + a2 * (-0.16666667f + a2 * (8.3333310e-3f + a2 * -1.9840874e-4f)));
     float c = 1.0f + a2 * (-0.5f + a2 * (4.1666638e-2f + a2 * (-1.3888378e-3f + a2 * 2.4760495e-5f)));
-    float2 even = (k & 1) ? (float2)(-s, c) : (float2)(c, s);
-    return (k & 2) ? -even : even;
+    float u = (k & 1) ? -s : c, v = (k & 1) ? c : s;
+    return (float2)((k & 2) ? -u : u, (k & 2) ? -v : v);
 }
 
 /* atan2(y, x) in turns, -.5 .. .5; within 1e-6 */
@@ -84,10 +103,13 @@ inline int is_footprint_fine(const float least_footprint, float facing, float di
     return distance * distance / larger(pdf * larger(cosine, 0.05f), 1e-6f) < least_footprint;
 }
 
-inline float largest(float3 c) { return larger(larger(c.x, c.y), c.z); }
-inline float bright(float3 c) { return 0.2126f * c.x + 0.7152f * c.y + 0.0722f * c.z; }
+OVERLOADED float largest(float3 c) { return larger(larger(c.x, c.y), c.z); }
+OVERLOADED float largest(Triple c) { return larger(larger(c.x, c.y), c.z); }
+OVERLOADED float bright(float3 c) { return 0.2126f * c.x + 0.7152f * c.y + 0.0722f * c.z; }
+OVERLOADED float bright(Triple c) { return 0.2126f * c.x + 0.7152f * c.y + 0.0722f * c.z; }
 inline float3 row3(__global const float *row, int at) { return (float3)(row[at], row[at + 1], row[at + 2]); }
-inline void put3(float3 v, __global float *row, int at) { row[at] = v.x; row[at + 1] = v.y; row[at + 2] = v.z; }
+OVERLOADED void put3(float3 v, __global float *row, int at) { row[at] = v.x; row[at + 1] = v.y; row[at + 2] = v.z; }
+OVERLOADED void put3(Triple v, __global float *row, int at) { row[at] = v.x; row[at + 1] = v.y; row[at + 2] = v.z; }
 
 /* a random number of [0, 1) that the state makes */
 inline float random(uint *state)
@@ -106,18 +128,12 @@ inline float3 of_columns(__global const float *surface, float3 x, float3 y, floa
     return d * ((1.0f - f0) * x + (1.0f - f90) * y) + f0 * a + f90 * b + coat;
 }
 
-/* the same of weights (5), the columns of light of radiance 1 */
-inline float3 reflected(__global const float *surface, const float *w)
-{
-    return of_columns(surface, (float3)(w[0]), (float3)(w[1]), (float3)(w[2]), (float3)(w[3]), (float3)(w[4]));
-}
-
 /* what surfaces send along a ray; a ray of a wide lobe brings at most RAY_MOST of what arrives at its element on average
- * arriving (N): of the elements */
-inline float3 held_back(__global const float *ray, float3 bounced, __global const float *arriving)
+ * element, matte: RAY_ELEMENT and RAY_MATTE of the ray; arriving (N): of the elements */
+inline float3 held_back(float element, float matte, float3 bounced, __global const float *arriving)
 {
-    if (!(ray[RAY_ELEMENT] >= 0.0f)) return bounced;
-    float brings = bright(bounced) * ray[RAY_MATTE], most = RAY_MOST * arriving[(int)ray[RAY_ELEMENT]];
+    if (!(element >= 0.0f)) return bounced;
+    float brings = bright(bounced) * matte, most = RAY_MOST * arriving[(int)element];
     return brings > most ? bounced * (most / brings) : bounced;
 }
 

@@ -129,29 +129,38 @@ inline float dome_density(__global const float *source, __global const float *ta
 
 /* ── drawing ── */
 
+/* a direction towards a flat light, without what varies of its radiance; density 0: its back is seen; at: where on it */
+inline void draw_flat_at(__global const float *source, Triple p, float u, float v, float2 *at, Triple *d, float *distance, float *density)
+{
+    float width = source[SRC_SIZE], height = source[SRC_SIZE + 1];
+    int is_rect = (int)source[SRC_KIND] == RECT;
+    float2 turned = cos_sin_of_turn(is_rect ? 0.0f : v);
+    float r = width * sqrt(u);
+    float x = is_rect ? (u - 0.5f) * width : r * turned.x, y = is_rect ? (v - 0.5f) * height : r * turned.y;
+    float area = source[SRC_VOLUME] * (is_rect ? width * height : PI_F * width * width);
+    __global const float *m = source + SRC_LINEAR, *c = source + SRC_CENTER;
+    Triple to = triple(c[0] + m[0] * x + m[1] * y - p.x, c[1] + m[3] * x + m[4] * y - p.y, c[2] + m[6] * x + m[7] * y - p.z);
+    float d2 = inner(to, to), along = inner(to, triple(m[2], m[5], m[8])); /* seen from where it shines: below -Z */
+    *distance = sqrt(d2);
+    *d = times(1.0f / *distance, to);
+    *density = along > 0.0f ? d2 * *distance / (along * area) : 0.0f;
+    *at = (float2)(x, y);
+}
+
 inline Arrival draw_flat(__global const float *source, __global const float4 *pictures, float3 p, float2 u)
 {
     Arrival a = {(float3)(0.0f, 0.0f, 1.0f), INFINITY, (float3)(0.0f), 0.0f};
+    Triple d;
     float2 q;
-    float width = source[SRC_SIZE], height = source[SRC_SIZE + 1];
-    float area = source[SRC_VOLUME];
-    if ((int)source[SRC_KIND] == RECT) {
-        q = (float2)((u.x - 0.5f) * width, (u.y - 0.5f) * height);
-        area *= width * height;
-    } else {
-        q = width * sqrt(u.x) * cos_sin_of_turn(u.y);
-        area *= PI_F * width * width;
-    }
-    float3 to = row3(source, SRC_CENTER) + world_of(source, (float3)(q.x, q.y, 0.0f)) - p;
-    float d2 = inner(to, to);
-    float3 n = (float3)(source[SRC_LINEAR + 2], source[SRC_LINEAR + 5], source[SRC_LINEAR + 8]);
-    float along = inner(to, n); /* seen from where it shines: below -Z */
-    if (!(along > 0.0f)) return a;
-    a.distance = sqrt(d2);
-    a.direction = to / a.distance;
-    a.density = d2 * a.distance / (along * area);
+    float distance, density;
+    draw_flat_at(source, triple(p), u.x, u.y, &q, &d, &distance, &density);
+    if (!(density > 0.0f)) return a;
+    a.distance = distance;
+    a.direction = vector(d);
+    a.density = density;
     a.radiance = row3(source, SRC_RADIANCE) * shaped(source, a.direction);
-    if (source[SRC_PICTURE] >= 0.0f) a.radiance *= picture_at(source, pictures, 0.5f - q.x / width, 0.5f - q.y / height);
+    if (source[SRC_PICTURE] >= 0.0f)
+        a.radiance *= picture_at(source, pictures, 0.5f - q.x / source[SRC_SIZE], 0.5f - q.y / source[SRC_SIZE + 1]);
     return a;
 }
 

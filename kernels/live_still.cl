@@ -80,20 +80,21 @@ __kernel void add_samples(
     size_t row = rows[i];
     __global const float *surface = surfaces + row * SURFACE;
     int each = streams == source_count;
+    size_t plane = (size_t)streams * count, rays = (size_t)2 * count;
     float3 at_once = (float3)(0.0f);
     float16 sums[3];
     for (int k = 0; k < 3; k++) sums[k] = (float16)(0.0f);
     for (int s = 0; s < streams; s++) {
         size_t at = s * count + i;
         if (!(shadow_length[at] > 0.0f) || blocked[at]) continue;
-        float3 radiance = row3(shone + at * 8, 5);
+        float3 radiance = (float3)(shone[5 * plane + at], shone[6 * plane + at], shone[7 * plane + at]);
         float w[WEIGHTS];
         #pragma unroll
-        for (int k = 0; k < WEIGHTS; k++) w[k] = shone[at * 8 + k];
+        for (int k = 0; k < WEIGHTS; k++) w[k] = shone[k * plane + at];
         __global const float *source = sources + s * SOURCE;
         int kind = (int)source[SRC_KIND];
         if (each && (kind == POINT || (kind == DISTANT && !(source[SRC_SIZE] > 0.0f)))) {
-            at_once += reflected(surface, w) * radiance;
+            at_once += of_sums(surface, weighted(w, radiance));
             continue;
         }
         sums[each && kind == DOME ? 1 : 0] += weighted(w, radiance);
@@ -101,12 +102,13 @@ __kernel void add_samples(
     for (int kind = 0; kind < 2; kind++) {
         size_t at = kind * count + i;
         if (!(ray_length[at] > 0.0f)) continue;
-        __global const float *ray = drawn_ray + at * DRAWN_RAY;
+        __global const float *ray = drawn_ray + at;
         float w[WEIGHTS];
         #pragma unroll
-        for (int k = 0; k < WEIGHTS; k++) w[k] = ray[RAY_WEIGHTS + k];
+        for (int k = 0; k < WEIGHTS; k++) w[k] = ray[(RAY_WEIGHTS + k) * rays];
+        float3 bounced_off = held_back(ray[RAY_ELEMENT * rays], ray[RAY_MATTE * rays], row3(arrived + at * 8, 3), arriving);
         sums[1] += weighted(w, row3(arrived + at * 8, 0));
-        sums[2] += weighted(w, held_back(ray, row3(arrived + at * 8, 3), arriving));
+        sums[2] += weighted(w, bounced_off);
     }
     float16 zero = (float16)(0.0f);
     sent[row] = bright(of_sums(surface, sums[0] + sums[1] + sums[2]));
@@ -130,7 +132,7 @@ __kernel void add_paths_to_sums(
     float w[WEIGHTS];
     #pragma unroll
     for (int k = 0; k < WEIGHTS; k++) w[k] = ray[RAY_WEIGHTS + k];
-    float16 light = weighted(w, held_back(ray, row3(path, Q_LIGHT), arriving));
+    float16 light = weighted(w, held_back(ray[RAY_ELEMENT], ray[RAY_MATTE], row3(path, Q_LIGHT), arriving));
     vstore16(vload16(row, bounced) + light, row, bounced);
     sent[row] += bright(of_sums(surfaces + row * SURFACE, light));
 }

@@ -65,8 +65,9 @@ __kernel void draw_rays(
     if (t == 0) {
         l = (float3)(sqrt(x.x) * cos_sin_of_turn(x.y), sqrt(larger(1.0f - x.x, 0.0f)));
     } else {
-        float3 h;
-        mirrored_by_ggx(ALPHA_OF(t - 1), e, x, &l, &h);
+        Triple mirrored, h;
+        mirrored_by_ggx(ALPHA_OF(t - 1), triple(e), x.x, x.y, &mirrored, &h);
+        l = vector(mirrored);
     }
     float3 d = world_from_local(frames, s, l), n = load3(geometric, s);
     float expected = mixture_density(narrowest, lobes, alphas, counts, e, l), below = inner(n, d);

@@ -5,7 +5,7 @@ from __future__ import annotations
 from usdslf.gpu.ahead import Programs
 from usdslf.render.live.scene import constants_of_kernels
 
-STEMS = ("live_camera", "live_surfaces", "live_gather", "live_entries", "live_combine", "live_paths")
+STEMS = ("live_camera", "live_surfaces", "live_draw", "live_gather", "live_entries", "live_combine", "live_paths")
 """In the order in which first frames ask for them."""
 
 

@@ -1,4 +1,4 @@
-"""Light columns of the rows of a view, frame by frame: the host's part of kernels/live_gather.cl."""
+"""Light columns of the rows of a view, frame by frame: the host's part of kernels/live_draw.cl and live_gather.cl."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class GatherRoom(PathRoom):
         self._device, self._streams = device, streams
         make = lambda shape, dtype=np.float32: Shared(device, shape, dtype)  # noqa: E731
         self.to_sources = Shadows(device, max(streams, 1) * BATCH)
-        self.shone, self.drawn = make((max(streams, 1) * BATCH, 8)), make((2 * BATCH, r.DRAWN_RAY))
+        self.shone, self.drawn = make((8, max(streams, 1) * BATCH)), make((r.DRAWN_RAY, 2 * BATCH))
         self.rows, self._rows_before = make((BATCH,), np.uint32), make((BATCH,), np.uint32)
         self.queue = PathQueue.of(geometry)
         self._numbers: dict[tuple[int, int, bool], Any] = {}
@@ -137,25 +137,17 @@ def gather_batch(
     g = scene.geometry
     count, streams = len(rows), g.sources.streams
     room.list_rows(rows)
-    sends_diffuse = np.int32(draw.sends_diffuse)
-    shared, field = scene.arguments(), scene.field_arguments()
-    lobes, n = room.lobes, np.uint32(count)
-    g.kernel("live_gather", "draw_first")(
-        groups(count), (GROUP,), n, room.rows, np.uint32(draw.count), np.uint32(draw.stride), np.uint32(draw.shift),
-        np.uint32(draw.flip), np.uint32(draw.near_mask), np.uint32(draw.turn % r.ROUNDS), np.int32(draw.is_shared),
-        sends_diffuse, part.surface, part.place, part.sharp_place, part.identity, room.numbers(draw),
-        *shared, scene.light.guide_d, g.tables.frames_d, np.float32(SHARE), *room.to_sources.arguments, room.shone,
-        lobes.origin, lobes.direction, lobes.length, room.drawn,
-    )  # fmt: skip
+    lobes = room.lobes
+    _draw(scene, room, part, count, draw)
     if streams:
         room.to_sources.trace(g.tracer, streams * count)
     sent = 2 * count if draw.sends_diffuse else count
     lobes.trace(g.tracer, sent)
-    _find_elements(scene, room, sent, draw.depth > 0)
+    _find_elements(scene, room, (sent, 2 * count), draw.depth > 0)
     g.kernel("live_gather", "arrive_first")(
-        groups(sent), (GROUP,), np.uint32(sent), np.int32(draw.depth > 0), *shared, *field, lobes.origin,
-        lobes.direction, lobes.length, lobes.triangle, lobes.u, lobes.v, lobes.distance, room.drawn,
-        room.entry, room.elements, room.weight, room.arrived, room.followed,
+        groups(sent), (GROUP,), np.uint32(sent), np.uint32(2 * count), np.int32(draw.depth > 0), *scene.arguments(),
+        *scene.field_arguments(), lobes.origin, lobes.direction, lobes.length, lobes.triangle, lobes.u, lobes.v,
+        lobes.distance, room.drawn, room.entry, room.elements, room.weight, room.arrived, room.followed,
     )  # fmt: skip
     if draw.depth:
         batch = Sent(sent, count, room.rows, part.identity, room.drawn, draw.depth, draw.seed, adder)
@@ -163,12 +155,41 @@ def gather_batch(
     adder.add_frame(room, count)  # goes on while the next batch is made ready, which waits for it before it traces rays
 
 
-def _find_elements(scene: LiveScene, room: GatherRoom, sent: int, may_follow: bool) -> None:
-    """Names the elements that the first rays of the lobes meet, where the light field answers them."""
-    g, lobes, n, t = scene.geometry, room.lobes, np.uint32(sent), scene.geometry.tables
+def _draw(scene: LiveScene, room: GatherRoom, part: Rows, count: int, draw: Draw) -> None:
+    """Draws directions towards each source and of each lobe, for the first rows in the room."""
+    g, streams = scene.geometry, np.int32(scene.geometry.sources.streams)
+    size, lobes = groups(count), room.lobes
+    rows = (
+        np.uint32(count), room.rows, np.uint32(draw.count), np.uint32(draw.stride), np.uint32(draw.shift),
+        np.uint32(draw.flip), np.uint32(draw.near_mask), np.uint32(draw.turn % r.ROUNDS), np.int32(draw.is_shared),
+        np.int32(draw.sends_diffuse), part.surface, part.place, part.sharp_place, part.identity, room.numbers(draw),
+        scene.light.guide_d, g.tables.frames_d, np.float32(SHARE),
+    )  # fmt: skip
+    _, _, sources, _, _, drawn, *_ = g.sources.arrays
+    for k, name in enumerate(g.sources.drawn_by):
+        stream = np.int32(k)
+        taken = {
+            "draw_flat_light": (streams, stream, sources), "draw_dome": (streams, stream, sources, drawn),
+            "draw_any_source": (stream, *scene.arguments()),
+        }  # fmt: skip
+        g.kernel("live_draw", name)(size, (GROUP,), *rows, *taken[name], *room.to_sources.arguments, room.shone)
+    rays = lobes.origin, lobes.direction, lobes.length, room.drawn
+    g.kernel("live_draw", "draw_specular")(size, (GROUP,), *rows, streams, *rays)
+    if draw.sends_diffuse:
+        g.kernel("live_draw", "draw_diffuse")(size, (GROUP,), *rows, streams, *rays)
+
+
+def _find_elements(scene: LiveScene, room: GatherRoom, rays: tuple[int, int], may_follow: bool) -> None:
+    """Names the elements that rays of the lobes meet, where the light field answers them.
+
+    Args:
+        rays: how many were sent, of how many that there is room for.
+    """
+    g, lobes, (sent, most), t = scene.geometry, room.lobes, rays, scene.geometry.tables
+    n = np.uint32(sent)
     g.kernel("live_entries", "entries_of_rays")(
-        groups(sent), (GROUP,), n, np.int32(may_follow), np.float32(scene.light.footprint), lobes.direction,
-        lobes.length, lobes.triangle, lobes.u, lobes.v, lobes.distance, room.drawn, t.face_normal_d,
+        groups(sent), (GROUP,), n, np.uint32(most), np.int32(may_follow), np.float32(scene.light.footprint),
+        lobes.direction, lobes.length, lobes.triangle, lobes.u, lobes.v, lobes.distance, room.drawn, t.face_normal_d,
         t.cells_of_triangle_d, t.entry_of_cell_d, t.cell_count, room.entry,
     )  # fmt: skip
     g.kernel("live_entries", "blends_of_rays")(

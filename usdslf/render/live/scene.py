@@ -27,7 +27,8 @@ from usdslf.render.live.materials import MaterialTable, TexturePool
 from usdslf.render.live.sources import EACH, SourceTable
 from usdslf.render.live.sums import Sums, usual_of
 from usdslf.render.settings import FOOTPRINT, KeepSums
-from usdslf.render.wide_field import mean_of_blocks
+from usdslf.render.wide_field import BLOCK, mean_of_blocks
+from usdslf.sampling.hemisphere import D
 from usdslf.scene.records import F32, Material, Scene
 from usdslf.surfaces.reflectance import directional_albedo, lobe_parameter, model_of
 
@@ -129,7 +130,7 @@ class SentLight:
             keep: its sums between runs, as of `LitScene`.
         """
         if field is None:
-            dark = geometry.device.zeros((1, 3), np.float32)
+            dark = geometry.device.zeros((1, D // BLOCK**2), np.float32)
             return SentLight(None, dark, dark, dark, dark, dark, 0.0, footprint or 0.0)
         sums = Sums.kept(field, geometry.lights, keep) if keep else Sums.of(field, geometry.lights)
         area = float(geometry.scene.triangles.areas.sum()) / len(field.elements)

@@ -27,9 +27,14 @@ PIXELS_AT_ONCE = 1 << 20  # of a picture that are copied to the device
 class SourceTable:
     """Sources on the device, in the order of `LightSet.sources`."""
 
-    streams: int  # rays towards sources of each row
+    drawn_by: tuple[str, ...]  # for each ray towards sources of a row, the kernel of live_draw.cl that draws it
     has_even_dome: bool  # only rays of the lobes find it
     arrays: tuple[Any, ...]  # as SCENE_PARAMETERS takes them from `source_count` on
+
+    @property
+    def streams(self) -> int:
+        """Rays towards sources of each row."""
+        return len(self.drawn_by)
 
     @staticmethod
     def of(device: Device, lights: LightSet, each: int = EACH) -> SourceTable:
@@ -54,16 +59,26 @@ class SourceTable:
         join = lambda parts, empty: np.concatenate(parts) if parts else empty  # noqa: E731
         up = device.upload
         count = len(lights.sources)
-        streams = count if count <= each else STREAMS
+        drawn_by = tuple(map(_kernel_of, rows[:count])) if count <= each else ("draw_any_source",) * STREAMS
         return SourceTable(
-            streams, any(d.is_met_only for d in lights.domes),
+            drawn_by, any(d.is_met_only for d in lights.domes),
             (
-                np.int32(count), np.int32(streams), up(rows), _pictures(device, store.pictures),
+                np.int32(count), np.int32(len(drawn_by)), up(rows), _pictures(device, store.pictures),
                 up(join(store.tables, np.zeros(1, np.float32))), up(join(store.drawn, np.zeros((1, 8), np.float32))),
                 np.int32(len(glow.triangle)), up(glow.triangle), up(glow.cumulative.astype(np.float32)),
                 up(glow.pdf_area),
             ),
         )  # fmt: skip
+
+
+def _kernel_of(row: NDArray) -> str:
+    """Names the kernel that draws directions towards a source, of a ray of its own."""
+    kind, is_sampled = row[r.SRC_KIND], row[r.SRC_SAMPLED] > 0
+    if is_sampled and kind == KINDS["dome"]:
+        return "draw_dome"
+    is_even = row[r.SRC_SHAPING] <= 0 and row[r.SRC_PICTURE] < 0
+    is_flat = kind in (KINDS["rect"], KINDS["disk"])
+    return "draw_flat_light" if is_sampled and is_even and is_flat else "draw_any_source"
 
 
 @dataclass
