@@ -39,7 +39,7 @@ def test_a_second_start_finds_what_the_first_one_kept(stage: str, monkeypatch: p
     assert found == [
         ("weights", str(bench_start.FEW), False, False), ("all", "150", False, True), ("all", "150", True, True)
     ]  # fmt: skip
-    assert first[1] > second[1] > 0 and second[3] == first[1] / bench_start.AIM
+    assert first.seconds > second.seconds > 0 and second.limit_seconds == first.seconds / bench_start.AIM
     assert os.environ["PYTHONDONTWRITEBYTECODE"] == "1"
 
 

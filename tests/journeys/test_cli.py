@@ -152,9 +152,9 @@ def test_unexpected_errors_are_one_line(shot: Path, run: Run, monkeypatch: pytes
 
 @pytest.mark.divided
 def test_bench_prints_the_agreed_table(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
-    from usdslf.cli import bench, bench_live, bench_strokes
+    from usdslf.cli import bench, bench_strokes, bench_timing
 
-    for module in (bench_live, bench_strokes):
+    for module in (bench_timing, bench_strokes):
         monkeypatch.setattr(module, "REPEATS", 1)
     monkeypatch.setattr(bench, "SIZE", (32, 16))
     monkeypatch.setattr(bench_strokes, "MANY_DABS", 18)
@@ -181,6 +181,14 @@ def test_bench_prints_the_agreed_table(run: Run, monkeypatch: pytest.MonkeyPatch
     assert 0 < again["moved_bytes"] < new["moved_bytes"]  # what is known is not gathered again
     assert rows["undo of the third"]["moved_bytes"] == 0
     assert {"another choice", "18 dabs on one material"} < set(rows)
+    first_frames = "live, first frame at half size", "live, first frame", "live, half size, camera turning"
+    for name in (*first_frames, "live, one more frame"):
+        assert "embreex" in rows[name]["limit"] and rows[name]["rays"] > 16 * 8, name
+    assert rows["live, first frame"]["rays"] > 2 * rows["live, first frame at half size"]["rays"]
+    assert rows["live, one more frame"]["moved_bytes"] == 0 < rows["live, first frame"]["moved_bytes"]
+    for name in ("answer to live picture", "live, after a change of diffuse", "live, after one of roughness"):
+        assert rows[name]["moved_bytes"] > 0
+    assert rows["visibility"]["rays"] == elements * 1024
     first, second = rows["first start to first live frame"], rows["second start to first live frame"]
     assert second["limit_seconds"] == pytest.approx(first["seconds"] / 5) and "answer to live picture" in rows
     assert min(row["seconds"] for row in rows.values()) > 0 and found["total_seconds"] > 0

@@ -21,9 +21,10 @@ import numpy as np
 
 from usdslf.animation.frames import PlacedFrame, carry
 from usdslf.cache import switched
-from usdslf.cli.bench_live import best, final_step, live_steps
+from usdslf.cli.bench_live import final_step, live_steps
 from usdslf.cli.bench_start import start_steps
 from usdslf.cli.bench_strokes import stroke_steps
+from usdslf.cli.bench_timing import Timed, best, moved_by
 from usdslf.gallery import still_life
 from usdslf.gallery.play import Play
 from usdslf.gpu.device import Device
@@ -65,71 +66,64 @@ def measure(device: str | None, ocio: str | None, elements: int, say: Say) -> di
         cold = dict(session.seconds)
         session.render(play.shot.view_path(), SIZE)
         camera = session.camera(play.shot.view_path())
-        seconds, limit, limit_seconds, rays = final_step(session, camera, SIZE)  # while its files are there
+        final = final_step(session, camera, SIZE)  # while its files are there
         rounds = len(session.stylize().rounds)
         session.author(folder / "style.usda")
         starts = list(start_steps(session.shot.path, elements, SIZE, device))
-    styling = session.seconds["stylize"]
     n = len(session.elements)
     links, field = n * D, n * D * 12
     bounce = _bounce(session)
     levels = rounds * (LEVEL_COUNT + 1) / 2
+    style = f"stylize, rounds: {rounds}", session.seconds["stylize"], f"{levels:g} bounces", levels * bounce.seconds
     rows = [
-        _row("read", cold["read"]),
-        _row("elements", cold["elements"]),
-        _row("visibility", *_visibility(session), size=links * 4, paper=870),
-        _row("visibility, one object moved", *_moved(session)),
-        _row("static light", cold["light"], size=field),
-        _row("light field, all bounces", cold["light field"], size=2 * field),
-        _row("one bounce", *bounce, size=links * BYTES_OF_LINK, paper=138, moved=_moved_by_bounce(session)),
-        _row("evidence of the strokes", cold["evidence"], paper=50),
-        _row("solve, all bounces", cold["solve"], paper=270),
-        _row(f"stylize, rounds: {rounds}", styling, f"{levels:g} bounces", levels * bounce[0]),
-        _row("its look, read back", session.seconds["author"] - cold["author"]),
-        {**_row(f"picture {SIZE[0]} x {SIZE[1]}", seconds, limit, limit_seconds, paper=75), "rays": rays},
-        *(_row(name, seconds, moved=moved) for name, seconds, moved in stroke_steps(session, strokes)),
-        *(_row(*timed) for timed in live_steps(session, camera, SIZE, answered)),
-        *(_row(*timed) for timed in starts),
+        Timed("read", cold["read"]),
+        Timed("elements", cold["elements"]),
+        _visibility(session),
+        _moved(session),
+        Timed("static light", cold["light"], size=field),
+        Timed("light field, all bounces", cold["light field"], size=2 * field),
+        replace(bounce, size=links * BYTES_OF_LINK, paper=138),
+        Timed("evidence of the strokes", cold["evidence"], paper=50),
+        Timed("solve, all bounces", cold["solve"], paper=270),
+        Timed(*style),
+        Timed("its look, read back", session.seconds["author"] - cold["author"]),
+        final,
+        *stroke_steps(session, strokes),
+        *live_steps(session, camera, SIZE, answered),
+        *starts,
     ]
     return {
         "device": session.device.name,
         "elements": n,
         "directions": D,
-        "rows": rows,
+        "rows": [_row(timed) for timed in rows],
         "total_seconds": total,
         "memory_bytes": peak_memory(),
     }
 
 
-def _row(
-    step: str,
-    seconds: float,
-    limit: str = "",
-    limit_seconds: float | None = None,
-    size: int = 0,
-    paper: int = 0,
-    moved: int | None = None,
-) -> Row:
-    ratio = seconds / limit_seconds if limit_seconds else None
+def _row(t: Timed) -> Row:
     return {
-        "step": step,
-        "seconds": seconds,
-        "limit": limit,
-        "limit_seconds": limit_seconds,
-        "ratio": ratio,
-        "bytes": size,
-        "moved_bytes": moved,
-        "paper_ms": paper or None,
-        "rays": None,
+        "step": t.step,
+        "seconds": t.seconds,
+        "limit": t.limit,
+        "limit_seconds": t.limit_seconds,
+        "ratio": t.seconds / t.limit_seconds if t.limit_seconds else None,
+        "bytes": t.size,
+        "moved_bytes": t.moved,
+        "paper_ms": t.paper or None,
+        "rays": t.rays,
     }
 
 
-def _visibility(session: Session) -> tuple[float, str, float]:
-    """Time of the warm step, and of embreex alone on the same rays, made beforehand."""
-    seconds = best(
-        lambda: trace_visibility(session.elements, session.lookup, session.tracer, session.device), repeats=2
-    )
+def _visibility(session: Session) -> Timed:
+    """The warm step, and embreex alone on the same rays, made beforehand."""
     elements, tracer = session.elements, session.tracer
+
+    def see() -> None:
+        trace_visibility(elements, session.lookup, tracer, session.device)
+
+    seconds, moved = best(see, repeats=2), moved_by(session.device, see)
     rays = []
     for first in range(0, len(elements), BATCH * RAY_SHARE):
         made = rays_of_bins(elements, tracer, session.device, slice(first, min(first + BATCH, len(elements))))
@@ -139,12 +133,14 @@ def _visibility(session: Session) -> tuple[float, str, float]:
         for _ in tracer.map_ahead(lambda i: tracer.intersect_columns(*rays[i]), range(len(rays))):
             pass
 
-    share = sum(len(o) for o, _ in rays) / (len(elements) * D)
-    return seconds, "embreex run() on the same rays", best(run) / share
+    links = len(elements) * D
+    share = sum(len(o) for o, _ in rays) / links
+    limit = "embreex run() on the same rays", best(run) / share
+    return Timed("visibility", seconds, *limit, moved, session.visibility.rays, size=links * 4, paper=870)
 
 
-def _moved(session: Session) -> tuple[float, str, float]:
-    """Time of elements, tables, tree and rays again after the ball of the demo's stage was lifted, and of all rays."""
+def _moved(session: Session) -> Timed:
+    """Elements, tables, tree and rays again after the ball of the demo's stage was lifted, and of all rays."""
     shift = np.array([0.1, 0.3, 0.2], np.float32)
     meshes = [replace(m, positions=m.positions + shift) if m.path == MOVER else m for m in session.scene.meshes]
     scene = replace(session.scene, meshes=tuple(meshes))
@@ -159,11 +155,12 @@ def _moved(session: Session) -> tuple[float, str, float]:
 
     turns = [(best(move, 1), best(trace, 1)) for _ in range(2)]
     seconds, whole = np.min(turns, axis=0).tolist()
-    return seconds, "a trace of everything", whole
+    moved = moved_by(session.device, move)
+    return Timed("visibility, one object moved", seconds, "a trace of everything", whole, moved)
 
 
-def _bounce(session: Session) -> tuple[float, str, float]:
-    """Time of a bounce, and the larger of those of a copy of as many bytes and of as many multiply-adds."""
+def _bounce(session: Session) -> Timed:
+    """A bounce, and the larger of a copy of as many bytes and of as many multiply-adds."""
     field = session.light_field
 
     def bounce() -> None:
@@ -175,14 +172,7 @@ def _bounce(session: Session) -> tuple[float, str, float]:
     copied = links * BYTES_OF_LINK / copy_bandwidth(session.device)
     multiplied = field.products() / multiply_add_rate(session.device)
     what = "copy kernel over the same bytes" if copied > multiplied else "as many multiply-adds"
-    return seconds, what, max(copied, multiplied)
-
-
-def _moved_by_bounce(session: Session) -> int:
-    """Bytes between host and device for a bounce: what it says of its change, after it."""
-    before = session.device.moved
-    session.light_field.bounce()
-    return session.device.moved - before
+    return Timed("one bounce", seconds, what, max(copied, multiplied), moved_by(session.device, bounce))
 
 
 def copy_bandwidth(device: Device, size: int = 1 << 28) -> float:

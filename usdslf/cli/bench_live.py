@@ -2,28 +2,26 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from usdslf.cli import bench_timing
+from usdslf.cli.bench_timing import Timed, best, moved_by
 from usdslf.rays import RayTracer
 from usdslf.render.live.picture import LivePicture
 from usdslf.render.picture import LitScene, render
 from usdslf.scene.records import Camera, Material, Scene, constant
 from usdslf.session import Session
 
-REPEATS = 3
 TURN, TURNS = 0.01, 8  # angle between frames of a camera that turns about the scene, and how many are timed
 RAY_SHARE = 8  # of a large picture's calls of embreex, the rays of every so manyth are traced again
 LIMIT = "embreex on the same rays"
 WALL, VASE = "/still_life/materials/plaster", "/still_life/materials/pewter"
-
-Timed = tuple[str, float, str, float | None]
-"""Step, seconds, limit in words, its seconds."""
 
 
 class RecordingTracer(RayTracer):
@@ -61,6 +59,10 @@ class RecordingTracer(RayTracer):
         self.rays, self.rays_kept = [0, 0], [0, 0]
         return out
 
+    def forget(self) -> None:
+        """Forgets all rays."""
+        self.kept, self.rays, self.rays_kept = [], [0, 0], [0, 0]
+
     def seconds(self) -> float:
         """Time of the rays that are kept, without those of length 0; forgets them."""
         kept, self.kept = self.kept, []
@@ -82,16 +84,6 @@ class RecordingTracer(RayTracer):
         return best(trace)
 
 
-def best(work: Callable[[], object], repeats: int = 0) -> float:
-    """Least time of some runs [s]; 0: of REPEATS."""
-    found = []
-    for _ in range(repeats or REPEATS):
-        began = time.perf_counter()
-        work()
-        found.append(time.perf_counter() - began)
-    return min(found)
-
-
 def live_steps(
     session: Session, camera: Camera, size: tuple[int, int], answered: Sequence[Material]
 ) -> Iterator[Timed]:
@@ -106,32 +98,51 @@ def live_steps(
     tracer = RecordingTracer(session.scene)
     picture = LivePicture.of(lit, lights, camera, size)
     watched = LivePicture.of(replace(lit, tracer=tracer), lights, camera, size)
-    tracer.seconds()
     first(picture, camera, half)  # builds the kernels
     for name, pixels in (("live, first frame at half size", half), ("live, first frame", size)):
-        seconds = best(lambda pixels=pixels: first(picture, camera, pixels))  # type: ignore[misc]
-        first(watched, camera, pixels)
-        yield name, seconds, LIMIT, tracer.seconds()
-    yield "live, half size, camera turning", *_turning(picture, watched, camera, half)
+        yield _beside_embreex(name, picture, watched, partial(first, camera=camera, size=pixels))
+    yield _turning(picture, watched, camera, half)
     for made in (picture, watched):
         for _ in made.frames(3):
             pass
-    tracer.seconds()
-    seconds = best(lambda: one_more(picture))
-    one_more(watched)
-    yield "live, one more frame", seconds, LIMIT, tracer.seconds()
-    yield "answer to live picture", best(lambda: shown_with(picture, answered)), "", None
-    yield "live, after a change of diffuse", *_edited(session, picture, WALL, "diffuse_color", constant(0.2, 0.5, 0.3))
-    yield "live, after one of roughness", *_edited(session, picture, VASE, "roughness", constant(0.35))
+    yield _beside_embreex("live, one more frame", picture, watched, one_more)
+    answer = lambda: shown_with(picture, answered)  # noqa: E731
+    yield Timed("answer to live picture", best(answer), moved=moved_by(session.device, answer))
+    for name, path, changes, value in (
+        ("live, after a change of diffuse", WALL, "diffuse_color", constant(0.2, 0.5, 0.3)),
+        ("live, after one of roughness", VASE, "roughness", constant(0.35)),
+    ):
+        edit = _edit_of(session, picture, path, changes, value)
+        yield Timed(name, best(edit), moved=moved_by(session.device, edit))
 
 
-def final_step(session: Session, camera: Camera, size: tuple[int, int]) -> tuple[float, str, float, int]:
-    """Returns the time of a final picture, its limit in words and seconds, and how many rays it traces."""
-    seconds, every = session.seconds["render"], RAY_SHARE if size[0] * size[1] > 1 << 16 else 1
+def _beside_embreex(
+    name: str, picture: LivePicture, watched: LivePicture, work: Callable[[LivePicture], object], times: int = 1
+) -> Timed:
+    """A step beside embreex alone on the same rays.
+
+    Args:
+        watched: the same picture, whose rays are recorded.
+        work: does the step `times` times.
+    """
+    seconds, geometry = best(lambda: work(picture)), watched.scene.geometry
+    tracer = geometry.tracer
+    assert isinstance(tracer, RecordingTracer)
+    tracer.forget()
+    moved = moved_by(geometry.device, lambda: work(watched))
+    rays = sum(tracer.rays)
+    return Timed(name, seconds / times, LIMIT, tracer.seconds() / times, moved // times, rays // times)
+
+
+def final_step(session: Session, camera: Camera, size: tuple[int, int]) -> Timed:
+    """Returns the step of the final picture, which the session has rendered."""
+    every = RAY_SHARE if size[0] * size[1] > 1 << 16 else 1
     tracer = RecordingTracer(session.scene, every)
-    render(LitScene(session.scene, tracer, session.light_field, session.lights, session.device), camera, size)
-    count = sum(tracer.rays)
-    return seconds, LIMIT, tracer.seconds_of_all(), count
+    lit = LitScene(session.scene, tracer, session.light_field, session.lights, session.device)
+    moved = moved_by(session.device, lambda: render(lit, camera, size))
+    rays = sum(tracer.rays)
+    name = f"picture {size[0]} x {size[1]}"
+    return Timed(name, session.seconds["render"], LIMIT, tracer.seconds_of_all(), moved, rays, paper=75)
 
 
 def first(picture: LivePicture, camera: Camera, size: tuple[int, int]) -> None:
@@ -141,21 +152,16 @@ def first(picture: LivePicture, camera: Camera, size: tuple[int, int]) -> None:
     other.now()
 
 
-def _turning(
-    picture: LivePicture, watched: LivePicture, camera: Camera, size: tuple[int, int]
-) -> tuple[float, str, float]:
-    """Time of a frame while the camera turns, with all that it sees anew, and of embreex for its rays."""
-    scene, tracer = picture.scene.geometry.scene, watched.scene.geometry.tracer
-    assert isinstance(tracer, RecordingTracer)
+def _turning(picture: LivePicture, watched: LivePicture, camera: Camera, size: tuple[int, int]) -> Timed:
+    """A frame while the camera turns, with all that it sees anew."""
+    scene = picture.scene.geometry.scene
     cameras = [turned(camera, scene, k * TURN) for k in range(TURNS)]
 
     def turn(shown: LivePicture) -> None:
         for one in cameras:
             first(shown, one, size)
 
-    seconds = best(lambda: turn(picture))
-    turn(watched)
-    return seconds / TURNS, LIMIT, tracer.seconds() / TURNS
+    return _beside_embreex("live, half size, camera turning", picture, watched, turn, TURNS)
 
 
 def turned(camera: Camera, scene: Scene, angle: float) -> Camera:
@@ -181,14 +187,16 @@ def one_more(picture: LivePicture) -> None:
     picture.now()
 
 
-def _edited(session: Session, picture: LivePicture, path: str, name: str, value: Any) -> tuple[float, str, None]:
-    """Time from a change of an input of a material to what it shows."""
+def _edit_of(
+    session: Session, picture: LivePicture, path: str, name: str, value: Any
+) -> Callable[[], None]:  # fmt: skip
+    """What changes an input of a material, each time by another value, and shows it."""
     shown = session.scene.materials
     number = next(i for i, m in enumerate(shown) if m.path == path)
-    step = iter(np.linspace(0.9, 1, 2 * REPEATS))
+    step = iter(np.linspace(0.9, 1, 2 * bench_timing.REPEATS + 1))
 
     def edit() -> None:
         changed = replace(shown[number], **{name: (value * next(step)).astype(np.float32)})
         shown_with(picture, (*shown[:number], changed, *shown[number + 1 :]))
 
-    return best(edit), "", None
+    return edit

@@ -15,14 +15,12 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from usdslf.cache import cache_folder
+from usdslf.cli.bench_timing import Timed
 from usdslf.errors import UsdslfError
 from usdslf.shot_cache import KINDS
 
 AIM = 5  # times that a second start is to be faster
 FEW = 100  # elements of the start that nothing is measured of
-
-Timed = tuple[str, float, str, float | None]
-"""Step, seconds, limit in words, its seconds."""
 
 
 def start_steps(stage: str, elements: int, size: tuple[int, int], device: str | None) -> Iterator[Timed]:
@@ -43,8 +41,8 @@ def start_steps(stage: str, elements: int, size: tuple[int, int], device: str | 
         _seconds([stage, str(FEW), "16", "9", *chosen], {**environment, "USDSLF_CACHE": "weights"})
         asked = [stage, str(elements), *map(str, size), *chosen]
         first, second = (_seconds(asked, {**environment, "USDSLF_CACHE": "all"}) for _ in range(2))
-    yield "first start to first live frame", first, "", None
-    yield "second start to first live frame", second, f"{AIM} times faster", first / AIM
+    yield Timed("first start to first live frame", first)
+    yield Timed("second start to first live frame", second, f"{AIM} times faster", first / AIM)
 
 
 def _share_what_serves_all(folder: Path) -> None:

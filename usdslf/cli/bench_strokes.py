@@ -9,6 +9,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from usdslf.cli.bench_timing import Timed
 from usdslf.session import Session
 from usdslf.shot import Shot
 from usdslf.solution import Settings, find_solution
@@ -19,9 +20,6 @@ MANY_DABS = 480  # on one material
 OF_STROKE = 120  # dabs
 APART = 0.4  # brushes that repeated dabs lie apart
 UNEVEN = 0.1  # relative, of their colours
-
-Timed = tuple[str, float, int]
-"""Step, seconds, bytes between host and device."""
 
 
 def stroke_steps(session: Session, strokes: Sequence[Stroke]) -> Iterator[Timed]:
@@ -70,4 +68,4 @@ def _timed(step: str, shot: Shot, asked: Iterable[list[Stroke]], how: Settings |
         before, began = shot.device.moved, time.perf_counter()
         find_solution(shot, strokes, how)
         least, moved = min(least, time.perf_counter() - began), shot.device.moved - before
-    return step, least, moved
+    return Timed(step, least, moved=moved)
