@@ -160,21 +160,6 @@ def test_very_large_cages_are_not_refined_and_said(monkeypatch):
     assert len(meshes[0].triangles) == 2 and "not refined" in warnings[0]
 
 
-def test_instances_are_flattened_up_to_a_bound_and_said(monkeypatch):
-    s = stage()
-    add_mesh(s, "/square/mesh", SQUARE, [[0, 1, 2, 3]])
-    for i in range(4):
-        instance = s.DefinePrim(f"/instances/i{i}", "Xform")
-        instance.GetReferences().AddInternalReference("/square")
-        instance.SetInstanceable(True)
-    meshes, warnings = read(s)
-    assert [len(m.triangles) for m in meshes] == [2] * 5 and not warnings
-    monkeypatch.setattr(geometry, "TRIANGLES_MAX", 7)
-    meshes, warnings = read(s)
-    assert [len(m.triangles) for m in meshes] == [2] * 3
-    assert len(warnings) == 1 and "more than 7 triangles" in warnings[0] and "left out" in warnings[0]
-
-
 def test_normals_primvar_beats_attribute_in_every_interpolation():
     s = stage()
     mesh = add_mesh(s, "/m", [*SQUARE, (2, 0, 0), (2, 1, 0)], [[0, 1, 2, 3], [1, 4, 5, 2]])

@@ -8,6 +8,8 @@ import pytest
 from kit.read_meshes import SQUARE, add_mesh, read, stage
 from pxr import Gf, Sdf, Usd, UsdGeom
 
+from usdslf.usd.read import geometry
+
 
 def test_scene_instances_share_and_say_where_to_write():
     s = stage()
@@ -24,6 +26,21 @@ def test_scene_instances_share_and_say_where_to_write():
     assert [m.prototype for m in meshes] == ["/A", "/B"]
     assert meshes[1].positions.min(0) == pytest.approx([3, 0, 0])
     assert meshes[1].primvars["displayColor"][0, 0] == pytest.approx([1, 1, 1])
+
+
+def test_instances_are_flattened_up_to_a_bound_and_said(monkeypatch):
+    s = stage()
+    add_mesh(s, "/square/mesh", SQUARE, [[0, 1, 2, 3]])
+    for i in range(4):
+        instance = s.DefinePrim(f"/instances/i{i}", "Xform")
+        instance.GetReferences().AddInternalReference("/square")
+        instance.SetInstanceable(True)
+    meshes, warnings = read(s)
+    assert [len(m.triangles) for m in meshes] == [2] * 5 and not warnings
+    monkeypatch.setattr(geometry, "TRIANGLES_MAX", 7)
+    meshes, warnings = read(s)
+    assert [len(m.triangles) for m in meshes] == [2] * 3
+    assert len(warnings) == 1 and "more than 7 triangles" in warnings[0] and "left out" in warnings[0]
 
 
 def instancer(s, path="/i"):
