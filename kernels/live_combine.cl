@@ -18,17 +18,21 @@
  */
 #include "live_records.cl"
 
-/* size_per_distance: of a pixel, for one unit of distance; or, where it is negative, its size */
+/* size_per_distance: of a pixel, for one unit of distance; or, where it is negative, its size
+ * radiance (rows, 3): 0 where nothing is seen */
 __kernel void guide_rows(
     const uint count, __global const float *surfaces, __global const float *distance, const float size_per_distance,
-    __global float *guide)
+    __global float *guide, __global float *radiance)
 {
     size_t i = get_global_id(0);
     if (i >= count) return;
     __global const float *s = surfaces + i * SURFACE;
     __global float *out = guide + i * GUIDE;
     out[G_CLASS] = -1.0f;
-    if (s[MATERIAL] < 0.0f) return;
+    if (s[MATERIAL] < 0.0f) {
+        store3((float3)(0.0f), radiance, i);
+        return;
+    }
     float3 n = row3(s, NORMAL), v = row3(s, VIEW);
     float lean = larger(inner(row3(s, GEOMETRIC), v), 0.05f);
     float pixel = size_per_distance < 0.0f ? -size_per_distance : size_per_distance * distance[i];

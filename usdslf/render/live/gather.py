@@ -25,13 +25,13 @@ SHARED_SIZES = (16, 32, 64, 128, 256, 512)  # numbers that the samples of a tile
 
 
 class Columns:
-    """Sums of the light columns of some rows, on the device."""
+    """Sums of the light columns of some rows, on the device; of anything, until they are forgotten."""
 
     def __init__(self, geometry: Geometry, count: int) -> None:
         device = geometry.device
-        self.sums = Shared(device, (max(count, 1), r.COLUMNS), np.float32)
-        self.moments = Shared(device, (max(count, 1), 2), np.float32)
-        self.latest = Shared(device, (max(count, 1),), np.float32, is_clean=False)  # luminance of the last frame
+        make = lambda *shape: Shared(device, (max(count, 1), *shape), np.float32, is_clean=False)  # noqa: E731
+        self.sums, self.moments = make(r.COLUMNS), make(2)
+        self.latest = make()  # luminance of the last frame
 
 
 class GatherRoom(PathRoom):

@@ -110,7 +110,8 @@ class Gathered:
             self.columns.append(Columns(self.scene.geometry, part.count))
             a, b, c = (Shared(device, shape, np.float32, is_clean=False) for _ in range(3))
             self.light.append((a, b, c))
-            self.stale.append([np.flatnonzero(part.hits.triangle.host[: part.count] >= 0).astype(np.uint32)])
+            self._forget(len(self.columns) - 1, part.all)
+            self.stale.append([part.there])
 
     def take(self, shares: Mapping[int, Share], view: View) -> None:
         """Puts the columns of shares, by material, in their place."""
@@ -156,7 +157,7 @@ class Gathered:
         changed = [_union(rows, part) for rows, part in zip(self.stale, view.parts)]
         if view.lit_by is not self:
             for part in view.parts:
-                part.unshaded.append(np.flatnonzero(part.hits.triangle.host[: part.count] >= 0).astype(np.uint32))
+                part.unshaded.append(part.there)
             view.lit_by = self
         if not any(len(rows) for rows in changed):
             return
@@ -182,7 +183,6 @@ class Gathered:
         for stale, filtered, part in zip(self.stale, changed, view.parts):
             stale.clear()
             part.unshaded.append(filtered)
-
 
     def shade(self, view: View) -> None:
         """Makes the radiance of rows whose light or colours have changed."""

@@ -26,6 +26,7 @@ _BIT = np.arange(r.TILE.bit_length() - 1)
 _SPREAD = ((np.arange(r.TILE)[:, None] >> _BIT & 1) << 2 * _BIT).sum(1)
 PLACES = (_SPREAD + 2 * _SPREAD[:, None]).astype(np.uint8)  # on the Z-order curve, by y and x in a tile
 APART = 0x9E3779B1  # between the numbers of rows of one pixel
+FEW = 16  # materials whose rows are found one material after another more quickly than by sorting
 
 
 @dataclass(frozen=True)
@@ -88,7 +89,7 @@ class Rows:
         self.pixel, self.share, self.place = make((n,), np.uint32), make((n,)), make((n,), np.uint8)
         self.all, self.identity = make((n,), np.uint32), make((n,), np.uint32)
         self.sharp_place = self.place  # of rays of the specular lobe
-        self.radiance = Shared(device, (n, 3), np.float32)  # that each sends to the eye
+        self.radiance = make((n, 3))  # that each sends to the eye
         self.unshaded: list[NDArray[np.uint32]] = []  # rows of which that is not so any more
         self.pixel.host[: self.count] = np.arange(self.count, dtype=np.uint32) if pixel is None else pixel
         self.share.host[: self.count] = share
@@ -106,20 +107,28 @@ class Rows:
         self._device, self._material_of = device, scene.geometry.scene.triangles.material
 
     @cached_property
-    def _by_material(self) -> tuple[NDArray, NDArray]:
+    def there(self) -> NDArray[np.uint32]:
+        """Rows that show something, in order."""
+        return np.flatnonzero(self.hits.triangle.host[: self.count] >= 0).astype(np.uint32)
+
+    @cached_property
+    def _by_material(self) -> tuple[NDArray[np.uint32], NDArray]:
         """Rows that show something, by material, and where each material's begin."""
-        triangle = self.hits.triangle.host[: self.count]
-        there = np.flatnonzero(triangle >= 0)
-        material = self._material_of[triangle[there]]
+        there, triangle = self.there, self.hits.triangle.host[: self.count]
+        material = self._material_of.take(triangle if len(there) == self.count else triangle[there])
         count = int(material.max(initial=-1)) + 1
         sortable = np.uint8 if count <= 1 << 8 else np.uint16 if count <= 1 << 16 else np.int64  # small ones by radix
-        order = np.argsort(material.astype(sortable), kind="stable")
-        return there[order].astype(np.uint32), np.concatenate([[0], np.cumsum(np.bincount(material, minlength=count))])
+        material = material.astype(sortable)
+        if 0 < count <= FEW:
+            order = np.concatenate([np.flatnonzero(material == m) for m in range(count)])
+        else:
+            order = np.argsort(material, kind="stable")
+        return there[order], np.concatenate([[0], np.cumsum(np.bincount(material, minlength=count))])
 
     @property
     def shown(self) -> int:
         """How many rows show something."""
-        return len(self._by_material[0])
+        return len(self.there)
 
     def of_material(self, material: int) -> NDArray[np.uint32]:
         """Returns the rows that show a material, in order."""
@@ -208,8 +217,9 @@ def fill_rows(scene: LiveScene, rows: Rows, pixel_size: float) -> None:
     n = rows.count
     scene.evaluate(rows.hits, rows.all, n, rows.surface)
     g.kernel("live_combine", "guide_rows")(
-        groups(n), (GROUP,), np.uint32(n), rows.surface, rows.hits.distance, np.float32(pixel_size), rows.guide
-    )
+        groups(n), (GROUP,), np.uint32(n), rows.surface, rows.hits.distance, np.float32(pixel_size), rows.guide,
+        rows.radiance,
+    )  # fmt: skip
 
 
 def fill_soft(scene: LiveScene, rows: Rows) -> None:
