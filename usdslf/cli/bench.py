@@ -24,9 +24,8 @@ from usdslf.cache import switched
 from usdslf.cli.bench_live import final_step, live_steps
 from usdslf.cli.bench_start import start_steps
 from usdslf.cli.bench_strokes import stroke_steps
+from usdslf.cli.bench_subject import Chosen, demo, staged
 from usdslf.cli.bench_timing import Timed, best, moved_by
-from usdslf.gallery import still_life
-from usdslf.gallery.play import Play
 from usdslf.gpu.device import Device
 from usdslf.light_field.visibility import BATCH, rays_of_bins, trace_visibility
 from usdslf.rays import RayTracer
@@ -40,23 +39,26 @@ if TYPE_CHECKING:
 SIZE = (900, 450)  # of the paper's pictures
 RAY_SHARE = 8  # the ray limit is measured on every eighth block
 BYTES_OF_LINK = 4 + 12 + 12 + 12  # a bounce reads link, fixed and outgoing light, and writes outgoing light
-MOVER = "/still_life/ball"
 
 Row = dict[str, Any]
 
 
-def measure(device: str | None, ocio: str | None, elements: int, say: Say) -> dict[str, Any]:
-    """Runs the demo's flow once, cold, and the steps that have a limit again, warm.
+def measure(device: str | None, ocio: str | None, elements: int, say: Say, stage: str | None = None) -> dict[str, Any]:
+    """Runs a shot's flow once, cold, and the steps that have a limit again, warm.
+
+    Args:
+        stage: its file; None: the demo.
 
     Returns: device, elements, directions, rows (as DESIGN's bench table), total_seconds from an empty
     session to the look layer, memory_bytes (peak of this process).
     """
     with switched("weights"), tempfile.TemporaryDirectory(prefix="usdslf_bench_") as name:
         folder = Path(name)
-        play = Play(still_life.ENTRY, folder, device=device, ocio=ocio, say=say, elements=elements)
+        options: dict[str, Any] = {"device": device, "ocio": ocio, "say": say, "elements": elements}
+        subject = staged(stage, SIZE[0] / SIZE[1], **options) if stage else demo(folder, **options)
         began = time.perf_counter()
-        session = play.session
-        strokes = list(still_life.paint(play))
+        session = subject.session
+        strokes = subject.paint()
         for stroke in strokes:
             session.add_stroke(stroke)
         session.solve()
@@ -64,8 +66,8 @@ def measure(device: str | None, ocio: str | None, elements: int, say: Say) -> di
         session.author(folder / "look.usda")
         total = time.perf_counter() - began
         cold = dict(session.seconds)
-        session.render(play.shot.view_path(), SIZE)
-        camera = session.camera(play.shot.view_path())
+        session.render(subject.view, SIZE)
+        camera, chosen = subject.camera, subject.choose()
         final = final_step(session, camera, SIZE)  # while its files are there
         rounds = len(session.stylize().rounds)
         session.author(folder / "style.usda")
@@ -79,7 +81,7 @@ def measure(device: str | None, ocio: str | None, elements: int, say: Say) -> di
         Timed("read", cold["read"]),
         Timed("elements", cold["elements"]),
         _visibility(session),
-        _moved(session),
+        *_moved(session, chosen),
         Timed("static light", cold["light"], size=field),
         Timed("light field, all bounces", cold["light field"], size=2 * field),
         replace(bounce, size=links * BYTES_OF_LINK, paper=138),
@@ -89,7 +91,7 @@ def measure(device: str | None, ocio: str | None, elements: int, say: Say) -> di
         Timed("its look, read back", session.seconds["author"] - cold["author"]),
         final,
         *stroke_steps(session, strokes),
-        *live_steps(session, camera, SIZE, answered),
+        *live_steps(session, camera, SIZE, answered, chosen),
         *starts,
     ]
     return {
@@ -139,24 +141,26 @@ def _visibility(session: Session) -> Timed:
     return Timed("visibility", seconds, *limit, moved, session.visibility.rays, size=links * 4, paper=870)
 
 
-def _moved(session: Session) -> Timed:
-    """Elements, tables, tree and rays again after the ball of the demo's stage was lifted, and of all rays."""
-    shift = np.array([0.1, 0.3, 0.2], np.float32)
-    meshes = [replace(m, positions=m.positions + shift) if m.path == MOVER else m for m in session.scene.meshes]
+def _moved(session: Session, chosen: Chosen) -> Iterator[Timed]:
+    """Elements, tables, tree and rays again after an object was lifted, and all rays; nothing where all starts anew."""
+    meshes = list(session.scene.meshes)
+    lifted = meshes[chosen.mover]
+    meshes[chosen.mover] = replace(lifted, positions=lifted.positions + chosen.lift)
     scene = replace(session.scene, meshes=tuple(meshes))
     placed = PlacedFrame(session.scene, session.elements, session.lookup, session.visibility, session.dark_probes)
 
-    def move() -> None:
-        found = carry(placed, scene, RayTracer(scene), session.device)
-        assert isinstance(found, PlacedFrame), found
+    def move() -> object:
+        return carry(placed, scene, RayTracer(scene), session.device)
 
     def trace() -> None:
         trace_visibility(session.elements, session.lookup, session.tracer, session.device)
 
+    if not isinstance(move(), PlacedFrame):
+        return
     turns = [(best(move, 1), best(trace, 1)) for _ in range(2)]
     seconds, whole = np.min(turns, axis=0).tolist()
     moved = moved_by(session.device, move)
-    return Timed("visibility, one object moved", seconds, "a trace of everything", whole, moved)
+    yield Timed("visibility, one object moved", seconds, "a trace of everything", whole, moved)
 
 
 def _bounce(session: Session) -> Timed:

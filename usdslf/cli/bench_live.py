@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from usdslf.cli import bench_timing
+from usdslf.cli.bench_subject import Chosen
 from usdslf.cli.bench_timing import Timed, best, moved_by
 from usdslf.rays import RayTracer
 from usdslf.render.live.picture import LivePicture
@@ -21,7 +22,6 @@ from usdslf.session import Session
 TURN, TURNS = 0.01, 8  # angle between frames of a camera that turns about the scene, and how many are timed
 RAY_SHARE = 8  # of a large picture's calls of embreex, the rays of every so manyth are traced again
 LIMIT = "embreex on the same rays"
-WALL, VASE = "/still_life/materials/plaster", "/still_life/materials/pewter"
 
 
 class RecordingTracer(RayTracer):
@@ -85,13 +85,14 @@ class RecordingTracer(RayTracer):
 
 
 def live_steps(
-    session: Session, camera: Camera, size: tuple[int, int], answered: Sequence[Material]
+    session: Session, camera: Camera, size: tuple[int, int], answered: Sequence[Material], chosen: Chosen
 ) -> Iterator[Timed]:
-    """Yields the steps of a live picture of the demo, warm.
+    """Yields the steps of a live picture, warm.
 
     Args:
         answered: the materials as strokes ask for them.
         size: of a whole picture [pixels].
+        chosen: materials that are edited.
     """
     lights, half = session.light_set, (max(1, size[0] // 2), max(1, size[1] // 2))
     lit = LitScene(session.scene, session.tracer, session.light_field, session.lights, session.device)
@@ -108,11 +109,11 @@ def live_steps(
     yield _beside_embreex("live, one more frame", picture, watched, one_more)
     answer = lambda: shown_with(picture, answered)  # noqa: E731
     yield Timed("answer to live picture", best(answer), moved=moved_by(session.device, answer))
-    for name, path, changes, value in (
-        ("live, after a change of diffuse", WALL, "diffuse_color", constant(0.2, 0.5, 0.3)),
-        ("live, after one of roughness", VASE, "roughness", constant(0.35)),
+    for name, material, changes, value in (
+        ("live, after a change of diffuse", chosen.recolored, "diffuse_color", constant(0.2, 0.5, 0.3)),
+        ("live, after one of roughness", chosen.reroughened, "roughness", constant(0.35)),
     ):
-        edit = _edit_of(session, picture, path, changes, value)
+        edit = _edit_of(session, picture, material, changes, value)
         yield Timed(name, best(edit), moved=moved_by(session.device, edit))
 
 
@@ -188,11 +189,10 @@ def one_more(picture: LivePicture) -> None:
 
 
 def _edit_of(
-    session: Session, picture: LivePicture, path: str, name: str, value: Any
+    session: Session, picture: LivePicture, number: int, name: str, value: Any
 ) -> Callable[[], None]:  # fmt: skip
     """What changes an input of a material, each time by another value, and shows it."""
     shown = session.scene.materials
-    number = next(i for i, m in enumerate(shown) if m.path == path)
     step = iter(np.linspace(0.9, 1, 2 * bench_timing.REPEATS + 1))
 
     def edit() -> None:

@@ -23,7 +23,7 @@ UNEVEN = 0.1  # relative, of their colours
 
 
 def stroke_steps(session: Session, strokes: Sequence[Stroke]) -> Iterator[Timed]:
-    """Times what comes after a stroke; the session has solved `strokes`, each on a material of its own."""
+    """Times what comes after a stroke; the session has solved `strokes`."""
     shot, known = session.shot, list(strokes)
     last = known[-1]
     find_solution(shot, known[:-1])
@@ -33,7 +33,9 @@ def stroke_steps(session: Session, strokes: Sequence[Stroke]) -> Iterator[Timed]
     anew = Settings(bounces=shot.bounces + 1)  # which only rounds depend on
     yield _timed("three known strokes, all rounds", shot, [known], anew)
     yield _timed("undo of the third", shot, (known[:-1] for _ in range(REPEATS)))
-    other = Settings(choose={last.name: "specular"})
+    (answer,) = (a for a in find_solution(shot, known).answers if len(known) - 1 in a.pool.strokes)
+    ways = [c.id for c in answer.candidates if c.is_admitted and c.id != answer.chosen.id]
+    other = Settings(choose={last.name: "specular" if "specular" in ways else ways[0]})
     yield _timed("another choice", shot, [known], other)
     yield _timed(f"{MANY_DABS} dabs on one material", shot, [many_dabs(known[0], MANY_DABS)])
 

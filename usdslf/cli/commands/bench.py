@@ -27,6 +27,7 @@ class Growing:
 @click.option(
     "--elements", type=click.IntRange(1, (1 << 22) - 1), default=10000, show_default=True, help="Surface elements."
 )
+@click.option("--stage", metavar="STAGE", help="A stage in place of the demo; strokes go on what its camera sees.")
 @click.option("--batch", is_flag=True, help="Throughput and cost of batches instead.")
 @click.option("--jobs", type=click.IntRange(1, 10000), default=24, show_default=True, help="Of the longest batch.")
 @click.option("--viewer", is_flag=True, help="How long an artist waits in the window instead.")
@@ -42,8 +43,9 @@ class Growing:
 @gathered("growing", Growing)
 @settings
 def bench(
-    settings: Settings, as_json: bool, elements: int, batch: bool, jobs: int, viewer: bool, growing: Growing
-) -> None:
+    settings: Settings, as_json: bool, elements: int, stage: str | None, batch: bool, jobs: int, viewer: bool,
+    growing: Growing,
+) -> None:  # fmt: skip
     """Time of each step beside the measured limits of this machine."""
     if growing.growth:
         _bench_growth(settings, as_json, growing)
@@ -57,7 +59,7 @@ def bench(
     from usdslf.cli.bench import lines_of_table, measure
 
     with progress(settings.quiet) as say:
-        found = measure(settings.device, settings.ocio, elements, say)
+        found = measure(settings.device, settings.ocio, elements, say, stage)
     if as_json:
         print_json(found)
     else:
