@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -267,8 +268,18 @@ def test_a_change_of_roughness_gathers_the_rows_of_its_material_alone(table: Lit
     np.testing.assert_array_equal(picture.now().picture, before)  # whose columns were kept aside
 
 
-def test_textures_on_the_device_show_as_those_on_the_host(
-    table: LitScene, checker: Texture, monkeypatch: pytest.MonkeyPatch
+MAPPED: dict[str, Callable[[Texture], dict[str, Any]]] = {
+    "colour": lambda t: {"diffuse_color": t, "roughness": replace(t, channels="g")},
+    "bumps and coat": lambda t: {
+        "normal": replace(t, scale=(1.0,) * 4, bias=(-0.4, -0.2, 0.5, 0.0)), "clearcoat": constant(1.0),
+        "clearcoat_roughness": replace(t, channels="b"),
+    },
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("what", MAPPED)
+def test_textures_on_the_device_show_as_those_on_the_host_and_in_the_final_picture(
+    table: LitScene, checker: Texture, what: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """With a transform and a scale; meshes without coordinates read its fallback place."""
     texture = replace(
@@ -279,10 +290,13 @@ def test_textures_on_the_device_show_as_those_on_the_host(
     textured = replace(mesh, uvs={"st": (mesh.positions[mesh.triangles][..., ::2] / 3).astype(np.float32)})
     scene = replace(
         table.scene, meshes=(textured, *table.scene.meshes[1:]),
-        materials=changed(table, 0, diffuse_color=texture, roughness=replace(texture, channels="g")),
+        materials=changed(table, 0, **MAPPED[what](texture)),
     )  # fmt: skip
     here = replace(table, scene=scene)
-    on_device = after(live(here, CAMERA), 1)
+    picture = live(here, CAMERA)
+    on_device = after(picture, 1)
+    final = render(here, CAMERA, SIZE, options=PictureOptions(samples=64, elements=400))["color"]
+    assert relative_error(after(picture, 64), final) < 0.02
     monkeypatch.setattr("usdslf.render.live.materials.TEXEL_BYTES", 0)
     on_host = after(live(here, CAMERA), 1)
     np.testing.assert_allclose(on_device, on_host, rtol=1e-3, atol=1e-4)
