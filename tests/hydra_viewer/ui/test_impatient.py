@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +21,7 @@ from hydra_viewer.model.autosave import autosave_path
 from hydra_viewer.model.document import Files
 from hydra_viewer.ui import panel_words
 from hydra_viewer.ui.bars import FoldedNote
-from hydra_viewer.ui.live_viewport import LIVE
+from hydra_viewer.ui.live_viewport import LIVE, _Painter
 from hydra_viewer.ui.window import Window
 from usdslf import read_strokes
 
@@ -101,6 +102,30 @@ def test_a_picture_that_fails_once_is_tried_again(window: Window, monkeypatch: p
     wait_for(lambda: bool(painted), 20)
     viewport.changed.disconnect(changed)  # which would hold the viewport, and that its shot
     assert len(tries) > 1 and window.bar.text == ""
+
+
+class Host:
+    """What a painter of pictures hands them to; notes their sizes."""
+
+    def __init__(self, whole: tuple[int, ...]) -> None:
+        self.sizes, self._whole = list[tuple[int, ...]](), whole
+
+    def is_stale(self) -> bool:
+        return self.sizes[-1:] == [self._whole]  # a whole one is all that is wanted
+
+    def hand_over(self, shown: object, linear: np.ndarray, codes: np.ndarray, share: float) -> None:
+        assert linear.shape == codes.shape
+        self.sizes.append(codes.shape[1::-1])
+
+
+def test_the_picture_is_half_the_size_while_the_camera_moves_and_whole_at_rest(window: Window) -> None:
+    wanted = window.painting.canvas.viewport._wanted
+    host = Host(wanted.size)
+    painter = _Painter(host)  # type: ignore[arg-type]
+    painter.paint(replace(wanted, is_moving=True))
+    assert host.sizes == [pytest.approx([n / 2 for n in wanted.size], abs=1)]
+    painter.paint(replace(wanted, is_moving=False))
+    assert host.sizes[-1] == wanted.size
 
 
 def test_a_stroke_is_on_the_frame_that_was_seen(window: Window) -> None:
