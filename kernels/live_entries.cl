@@ -31,17 +31,25 @@ __kernel void entries_of_rays(
     entry_of[i] = is_there ? entry : NO_ENTRY;
 }
 
-/* who, weight (n, 4) results, for rays that meet light of elements; near_elements (entries, PER_ENTRY), position (N, 3) */
+/* who, weight (4, rays) results, for rays that meet light of elements; near_elements (entries, PER_ENTRY), position (N, 3) */
 __kernel void blends_of_rays(
-    const uint count, __global const uint *entry_of, __global const float *ray_origin, __global const float *ray_direction,
-    __global const float *distance, __global const uint *near_elements, __global const float *position, __global uint *who,
-    __global float *weight)
+    const uint count, const uint rays, __global const uint *entry_of, __global const float *ray_origin,
+    __global const float *ray_direction, __global const float *distance, __global const uint *near_elements,
+    __global const float *position, __global uint *who, __global float *weight)
 {
-    uint i = get_global_id(0);
-    if (i >= count || entry_of[i] >= IS_FOLLOWED) return;
-    uint4 e;
-    float4 w;
-    weights_at(near_elements, position, entry_of[i], load3(ray_origin, i) + distance[i] * load3(ray_direction, i), &e, &w);
-    vstore4(e, i, who);
-    vstore4(w, i, weight);
+    uint i = get_global_id(0), at = i < count ? i : count - 1;
+    uint entry = entry_of[at];
+    int is_there = entry < IS_FOLLOWED;
+    float s = is_there ? distance[at] : 0.0f;
+    Triple p = plus(triple(ray_origin, 3 * at), times(s, triple(ray_direction, 3 * at)));
+    Blend o = blend_of_list(position, near_elements + (size_t)(is_there ? entry : 0) * PER_ENTRY, p);
+    if (i >= count) return;
+    who[i] = o.a;
+    who[rays + i] = o.b;
+    who[2 * rays + i] = o.c;
+    who[3 * rays + i] = o.d;
+    weight[i] = o.wa;
+    weight[rays + i] = o.wb;
+    weight[2 * rays + i] = o.wc;
+    weight[3 * rays + i] = o.wd;
 }

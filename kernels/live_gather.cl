@@ -36,7 +36,9 @@ __kernel void arrive_first(
             int follows = entry_of[i] == IS_FOLLOWED;
             if (has_field && entry_of[i] < IS_FOLLOWED) {
                 follows = may_follow;
-                bounced = known_by(SCENE, FIELD, d, t, u_of[i], v_of[i], lobe_pdf, vload4(i, who), vload4(i, weight), &follows);
+                uint4 e = (uint4)(who[i], who[rays + i], who[2 * rays + i], who[3 * rays + i]);
+                float4 w = (float4)(weight[i], weight[rays + i], weight[2 * rays + i], weight[3 * rays + i]);
+                bounced = known_by(SCENE, FIELD, d, t, u_of[i], v_of[i], lobe_pdf, e, w, &follows);
             }
             followed[i] = follows;
         }

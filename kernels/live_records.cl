@@ -137,42 +137,64 @@ inline float3 held_back(float element, float matte, float3 bounced, __global con
     return brings > most ? bounced * (most / brings) : bounced;
 }
 
-/* what blend_at of lookup.cl gives, of four elements side by side, nearest first: at point p, in an entry.  Names ride in the
- * last bits of the squared distances while these are ordered, as far as the fifth; returns 0 on a side without elements */
+/* what blend_at of lookup.cl gives: four elements, nearest first, and their weights */
+typedef struct {
+    uint a, b, c, d;
+    float wa, wb, wc, wd;
+} Blend;
+
+/* squared distance from p to the k-th element of a list, and in its last bits k; a first one that is named again is far away */
+inline uint near_key(__global const float *position, __global const uint *list, uint k, Triple p)
+{
+    uint e = list[k];
+    float gap2 = gap2_of(position, e, p.x, p.y, p.z);
+    gap2 = (k > 0u) & (e == list[0]) ? NONE_SO_FAR : gap2;
+    return (as_uint(gap2) & ~(PER_ENTRY - 1u)) | k;
+}
+
+/* the elements near point p, of an entry's list; numbers alone and no vectors, and put in order one by one, so that work-items
+ * ride in lanes */
+inline Blend blend_of_list(__global const float *position, __global const uint *list, Triple p)
+{
+    uint a = near_key(position, list, 0, p), none = (as_uint(NONE_SO_FAR) & ~(PER_ENTRY - 1u)) | (PER_ENTRY - 1u);
+    uint b = none, c = none, d = none, e = none;
+    #pragma unroll
+    for (uint k = 1; k < PER_ENTRY; k++) {
+        uint key = near_key(position, list, k, p), more = LARGER(a, key);
+        a = LESSER(a, key);
+        key = LARGER(b, more);
+        b = LESSER(b, more);
+        more = LARGER(c, key);
+        c = LESSER(c, key);
+        key = LARGER(d, more);
+        d = LESSER(d, more);
+        e = LESSER(e, key);
+    }
+    float s0 = as_float(a), s1 = as_float(b), s2 = as_float(c), s3 = as_float(d), reach2 = as_float(e);
+    float far = 0.5f * NONE_SO_FAR, last = s1 < far ? s1 : s0;
+    last = s2 < far ? s2 : last;
+    last = s3 < far ? s3 : last;
+    reach2 = reach2 < far ? reach2 : 4.0f * last; /* fewer: twice the last distance */
+    float per = 1.0f / larger(reach2, 1e-37f);
+    float fa = larger(1.0f - s0 * per, 0.0f), fb = larger(1.0f - s1 * per, 0.0f);
+    float fc = larger(1.0f - s2 * per, 0.0f), fd = larger(1.0f - s3 * per, 0.0f);
+    fa = larger(fa * fa, 1e-6f);
+    fb *= fb;
+    fc *= fc;
+    fd *= fd;
+    float share = 1.0f / (fa + fb + fc + fd);
+    uint mask = PER_ENTRY - 1u;
+    Blend o = {list[a & mask], list[b & mask], list[c & mask], list[d & mask], fa * share, fb * share, fc * share, fd * share};
+    return o;
+}
+
+/* the same in an entry, as vectors; returns 0 on a side without elements */
 inline int weights_at(__global const uint *near_elements, __global const float *position, const uint entry, float3 p, uint4 *who,
                       float4 *weight)
 {
     if (entry == NO_ENTRY) return 0;
-    __global const uint *list = near_elements + (size_t)entry * PER_ENTRY;
-    uint8 e = vload8(0, list);
-#define OF_ALL(k) (float8)(position[3 * e.s0 + k], position[3 * e.s1 + k], position[3 * e.s2 + k], position[3 * e.s3 + k], \
-                           position[3 * e.s4 + k], position[3 * e.s5 + k], position[3 * e.s6 + k], position[3 * e.s7 + k])
-    float8 dx = OF_ALL(0) - p.x, dy = OF_ALL(1) - p.y, dz = OF_ALL(2) - p.z, gap2 = dx * dx + dy * dy + dz * dz;
-    float own = gap2.s0;
-    gap2 = e == e.s0 ? (float8)(NONE_SO_FAR) : gap2;
-    gap2.s0 = own;
-    uint8 s8 = (as_uint8(gap2) & ~(PER_ENTRY - 1u)) | (uint8)(0, 1, 2, 3, 4, 5, 6, 7);
-    /* a bitonic network: six times, each beside another one */
-#define ORDER(other, low, high)                                                                                            \
-    {                                                                                                                      \
-        uint8 beside = s8.other, less = LESSER(s8, beside), more = LARGER(s8, beside);                                     \
-        s8.low = less.low;                                                                                                 \
-        s8.high = more.high;                                                                                               \
-    }
-    ORDER(s10325476, s0246, s1357) ORDER(s32107654, s0145, s2367) ORDER(s10325476, s0246, s1357)
-    ORDER(s76543210, s0123, s4567) ORDER(s23016745, s0145, s2367) ORDER(s10325476, s0246, s1357)
-    float4 s = as_float4(s8.lo);
-    float reach2 = as_float(s8.s4);
-    if (!(reach2 < 0.5f * NONE_SO_FAR)) { /* fewer: twice the last distance */
-        float4 there = s < 0.5f * NONE_SO_FAR ? s : 0.0f;
-        reach2 = 4.0f * larger(larger(there.x, there.y), larger(there.z, there.w));
-    }
-    float4 f = 1.0f - s * (1.0f / larger(reach2, 1e-37f));
-    f = f > 0.0f ? f : 0.0f;
-    float4 w = f * f;
-    w.x = larger(w.x, 1e-6f);
-    *weight = w * (1.0f / (w.x + w.y + w.z + w.w));
-    uint4 place = s8.lo % PER_ENTRY;
-    *who = (uint4)(list[place.x], list[place.y], list[place.z], list[place.w]);
+    Blend o = blend_of_list(position, near_elements + (size_t)entry * PER_ENTRY, triple(p));
+    *who = (uint4)(o.a, o.b, o.c, o.d);
+    *weight = (float4)(o.wa, o.wb, o.wc, o.wd);
     return 1;
 }

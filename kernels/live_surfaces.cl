@@ -175,19 +175,23 @@ __kernel void soft_light(
     __global const uint *cells, __global const uint *entries, const uint cell_count, __global const uint *near_elements,
     __global const float *position, __global const float *irradiance, __global float *soft)
 {
-    size_t i = get_global_id(0);
+    /* without branches, so that work-items ride in lanes; one beyond the end does what the last one does, and writes nothing */
+    uint i = get_global_id(0), at = i < count ? i : count - 1;
+    int is_there = triangle[at] >= 0;
+    size_t t = is_there ? triangle[at] : 0;
+    float u = is_there ? u_of[at] : 0.0f, v = is_there ? v_of[at] : 0.0f;
+    __global const float *d = direction + 3 * (size_t)at, *n = face_normal + 3 * t, *c = corners + 9 * t;
+    uint entry = entry_of_point(cells, entries, cell_count, t, u, v, d[0] * n[0] + d[1] * n[1] + d[2] * n[2] > 0.0f);
+    is_there &= entry != NO_ENTRY;
+    Triple p = triple(c[0] + u * (c[3] - c[0]) + v * (c[6] - c[0]), c[1] + u * (c[4] - c[1]) + v * (c[7] - c[1]),
+                      c[2] + u * (c[5] - c[2]) + v * (c[8] - c[2]));
+    Blend o = blend_of_list(position, near_elements + (size_t)(is_there ? entry : 0) * PER_ENTRY, p);
+    __global const float *ea = irradiance + 3 * o.a, *eb = irradiance + 3 * o.b;
+    __global const float *ec = irradiance + 3 * o.c, *ed = irradiance + 3 * o.d;
+    Triple sum = triple(o.wa * ea[0] + o.wb * eb[0] + o.wc * ec[0] + o.wd * ed[0],
+                        o.wa * ea[1] + o.wb * eb[1] + o.wc * ec[1] + o.wd * ed[1],
+                        o.wa * ea[2] + o.wb * eb[2] + o.wc * ec[2] + o.wd * ed[2]);
+    sum = times(is_there ? 1.0f : 0.0f, sum);
     if (i >= count) return;
-    int hit = triangle[i];
-    float3 sum = (float3)(0.0f);
-    if (hit >= 0) {
-        uint4 who;
-        float4 weight;
-        int back = inner(load3(direction, i), load3(face_normal, hit)) > 0.0f;
-        uint entry = entry_of_point(cells, entries, cell_count, hit, u_of[i], v_of[i], back);
-        float3 p0 = load3(corners, 3 * hit), to = u_of[i] * (load3(corners, 3 * hit + 1) - p0) + v_of[i] * (load3(corners, 3 * hit + 2) - p0);
-        if (weights_at(near_elements, position, entry, p0 + to, &who, &weight))
-            sum = weight.x * load3(irradiance, who.x) + weight.y * load3(irradiance, who.y) + weight.z * load3(irradiance, who.z)
-                  + weight.w * load3(irradiance, who.w);
-    }
-    store3(sum, soft, i);
+    put3(sum, soft, 3 * i);
 }

@@ -193,8 +193,8 @@ def _find_elements(scene: LiveScene, room: GatherRoom, rays: tuple[int, int], ma
         t.cells_of_triangle_d, t.entry_of_cell_d, t.cell_count, room.entry,
     )  # fmt: skip
     g.kernel("live_entries", "blends_of_rays")(
-        groups(sent), (GROUP,), n, room.entry, lobes.origin, lobes.direction, lobes.distance, t.elements_of_entry_d,
-        t.position_d, room.elements, room.weight,
+        groups(sent), (GROUP,), n, np.uint32(most), room.entry, lobes.origin, lobes.direction, lobes.distance,
+        t.elements_of_entry_d, t.position_d, room.elements, room.weight,
     )  # fmt: skip
 
 
