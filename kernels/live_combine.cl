@@ -2,7 +2,8 @@
  *
  *     guide_rows     what neighbours are compared by
  *     mean_columns   columns of all frames so far, to light (rows, LIGHT): X, Y, A, B, coat
- *     filter_light   along one axis, over neighbours that show the same surface the same way
+ *     find_alike     neighbours that show the same surface the same way
+ *     filter_light   along one axis, over these
  *     shade          light and colours to radiance, row by row
  *     combine        rows to pixels
  *     find_edges     pixels that one sample is not enough for
@@ -113,23 +114,74 @@ inline void columns_of(__global const float *row, const int *at, float8 *c0, flo
     *c3 = (float8)(ab.s23, cd.s23, ab.s67, cd.s67);
 }
 
+/* which of four neighbours on each side along an axis show what a row with guide a does, as bits 0..7, and mirror it too, 8..15
+ * row: of the grid's guides; stride: of neighbours, in rows; low, high: the first and last that there are */
+inline ushort alike_along(float16 a, float wide, int sharp_reach, __global const float *row, int stride, int low, int high)
+{
+    int8 k = (int8)(-4, -3, -2, -1, 1, 2, 3, 4), away = (int8)(4, 3, 2, 1, 1, 2, 3, 4);
+    int at[8]; /* those that are not there stand for the middle, and do not count */
+    #pragma unroll
+    for (int j = 0; j < 8; j++) {
+        int step = j < 4 ? j - 4 : j - 3;
+        at[j] = ((step >= low) & (step <= high)) ? step * stride * GUIDE : 0;
+    }
+    float8 x, y, z, gap, nx, ny, nz, kind, mx, my, mz, alpha;
+    columns_of(row, at, &x, &y, &z, &gap);
+    columns_of(row + G_NORMAL, at, &nx, &ny, &nz, &kind);
+    columns_of(row + G_MIRROR, at, &mx, &my, &mz, &alpha);
+    int8 counts = (k >= low) & (k <= high) & is_alike(a, x, y, z, nx, ny, nz, kind, (int8)(0));
+    int8 is_near = counts & (away <= sharp_reach) & mirrors_alike(a, wide, mx, my, mz, alpha);
+    int8 bit = (int8)(1, 2, 4, 8, 16, 32, 64, 128), set = (counts & bit) | (is_near & (bit << 8));
+    int4 four = set.lo | set.hi;
+    return (ushort)(four.x | four.y | four.z | four.w);
+}
+
+/* what the filter looks at about each row, which is the same for all light
+ * is_grid      whether the rows are those of the grid, else `pixel` (rows) says where each is
+ * guide        of the rows; grid_guide of the grid
+ * alike (rows, 4) result: neighbours along rows and along columns, of alike_along; whether the grid's row in the middle shows the
+ *              same (1) and mirrors it (2); how far specular light reaches, -1 where nothing is seen
+ */
+__kernel void find_alike(
+    const uint count, const int width, const int height, const int is_grid, __global const uint *pixel, __global const float *guide,
+    __global const float *grid_guide, __global short *alike)
+{
+    size_t i = get_global_id(0);
+    if (i >= count) return;
+    float16 a = vload16(i, guide); /* position, gap, normal, class, mirror direction, alpha */
+    if (a.s7 < 0.0f) {
+        vstore4((short4)(0, 0, 0, -1), i, alike);
+        return;
+    }
+    uint p = is_grid ? i : pixel[i];
+    int x = p % width, y = p / width, sharp_reach = (int)guide[i * GUIDE + G_TILE] / 2;
+    float wide = guide[i * GUIDE + G_WIDTH];
+    __global const float *row = grid_guide + (size_t)p * GUIDE;
+    float16 b = vload16(0, row);
+    int is_middle = is_alike(a, b.s0, b.s1, b.s2, b.s4, b.s5, b.s6, b.s7, is_grid);
+    int is_mirror = is_middle & (is_grid | mirrors_alike(a, wide, b.s8, b.s9, b.sa, b.sb));
+    short across = alike_along(a, wide, sharp_reach, row, 1, -x, width - 1 - x);
+    short down = alike_along(a, wide, sharp_reach, row, width, -y, height - 1 - y);
+    vstore4((short4)(across, down, (is_middle ? 1 : 0) | (is_mirror ? 2 : 0), sharp_reach), i, alike);
+}
+
 /* light (rows, LIGHT) averaged along one axis of a window, of TILE at most, over the rows of the picture's grid
+ * width     of the grid
+ * is_column whether the axis is that of columns
  * is_grid   whether the rows are those of the grid, else `pixel` (rows) says where each is
- * guide, own         of the rows
- * grid_guide, light  of the grid
+ * alike, own (rows, .); light of the grid
  * to_own    whether rows of many frames get their own light back
  */
 __kernel void filter_light(
-    const uint count, __global const uint *rows, const int width, const int height, const int step_x, const int step_y,
-    const int window,
-    const int is_grid, const int to_own, __global const uint *pixel, __global const float *guide, __global const float *own,
-    __global const float *grid_guide, __global const float *light, __global float *filtered)
+    const uint count, __global const uint *rows, const int width, const int is_column, const int window, const int is_grid,
+    const int to_own, __global const uint *pixel, __global const short *alike, __global const float *own,
+    __global const float *light, __global float *filtered)
 {
     size_t nth = get_global_id(0);
     if (nth >= count) return;
     size_t i = rows[nth];
-    float16 a = vload16(i, guide); /* position, gap, normal, class, mirror direction, alpha */
-    if (a.s7 < 0.0f) {
+    short4 about = vload4(i, alike);
+    if (about.w < 0) {
         vstore16((float16)(0.0f), i, filtered);
         return;
     }
@@ -139,44 +191,24 @@ __kernel void filter_light(
         vstore16(mine, i, filtered);
         return;
     }
-    uint p = is_grid ? i : pixel[i];
-    int x = p % width, y = p / width, sharp_reach = (int)guide[i * GUIDE + G_TILE] / 2;
-    float wide = guide[i * GUIDE + G_WIDTH];
-    int along = step_x ? x : y, end = step_x ? width : height, reach = window / 2, stride = step_x ? 1 : width;
-    int low = -lesser(reach, along), high = lesser(reach, end - 1 - along);
-    /* neighbours on both sides; those that are not there stand for the middle, and do not count */
-    int8 k = (int8)(-4, -3, -2, -1, 1, 2, 3, 4), away = (int8)(4, 3, 2, 1, 1, 2, 3, 4);
-    int at[8]; /* floats from the middle's row, of guides as of light: GUIDE is LIGHT */
-    #pragma unroll
-    for (int j = 0; j < 8; j++) {
-        int step = j < 4 ? j - 4 : j - 3;
-        at[j] = ((step >= low) & (step <= high)) ? step * stride * GUIDE : 0;
-    }
-    grid_guide += (size_t)p * GUIDE;
-    light += (size_t)p * LIGHT;
-    float8 bx, by, bz, gap, nx, ny, nz, kind, mx, my, mz, alpha;
-    columns_of(grid_guide, at, &bx, &by, &bz, &gap);
-    columns_of(grid_guide + G_NORMAL, at, &nx, &ny, &nz, &kind);
-    columns_of(grid_guide + G_MIRROR, at, &mx, &my, &mz, &alpha);
-    int8 counts = (k >= low) & (k <= high) & is_alike(a, bx, by, bz, nx, ny, nz, kind, (int8)(0));
-    int8 is_near = counts & (away <= sharp_reach) & mirrors_alike(a, wide, mx, my, mz, alpha);
+    int reach = window / 2, sharp_reach = about.w, stride = (is_column ? width : 1) * LIGHT;
     /* both ends of an even window count half */
-    float8 m = away < reach ? (float8)(1.0f) : (float8)(window & 1 ? 1.0f : 0.5f);
-    float8 n = away == sharp_reach ? (float8)(0.5f) : m;
-    m = counts ? m : (float8)(0.0f);
-    n = is_near ? n : (float8)(0.0f);
-    float16 b = vload16(0, grid_guide);
-    float middle = is_alike(a, b.s0, b.s1, b.s2, b.s4, b.s5, b.s6, b.s7, is_grid) ? 1.0f : 0.0f;
-    float sharp_middle = (is_grid | mirrors_alike(a, wide, b.s8, b.s9, b.sa, b.sb)) ? middle : 0.0f;
+    int8 away = (int8)(4, 3, 2, 1, 1, 2, 3, 4), bit = (int8)(1, 2, 4, 8, 16, 32, 64, 128), set = (int8)(is_column ? about.y : about.x);
+    float8 m = away < reach ? (float8)(1.0f) : away == reach ? (float8)(window & 1 ? 1.0f : 0.5f) : (float8)(0.0f);
+    m = (set & bit) != 0 ? m : (float8)(0.0f);
+    float8 n = (set & (bit << 8)) != 0 ? m : (float8)(0.0f);
+    n = (n > 0.0f) & (away == sharp_reach) ? (float8)(0.5f) : n;
+    float middle = about.z & 1 ? 1.0f : 0.0f, sharp_middle = about.z & 2 ? 1.0f : 0.0f;
+    light += (size_t)(is_grid ? i : pixel[i]) * LIGHT;
     float16 sum = (float16)(0.0f), sharp = (float16)(0.0f);
-#define ADD(AT, M, N)                          \
-    if (M > 0.0f) {                            \
-        float16 l = vload16(0, light + AT);    \
-        sum += M * l;                          \
-        sharp += N * l;                        \
+#define ADD(STEP, M, N)                                 \
+    if (M > 0.0f) {                                     \
+        float16 l = vload16(0, light + STEP * stride);  \
+        sum += M * l;                                   \
+        sharp += N * l;                                 \
     }
-    ADD(at[0], m.s0, n.s0) ADD(at[1], m.s1, n.s1) ADD(at[2], m.s2, n.s2) ADD(at[3], m.s3, n.s3) ADD(0, middle, sharp_middle)
-    ADD(at[4], m.s4, n.s4) ADD(at[5], m.s5, n.s5) ADD(at[6], m.s6, n.s6) ADD(at[7], m.s7, n.s7)
+    ADD(-4, m.s0, n.s0) ADD(-3, m.s1, n.s1) ADD(-2, m.s2, n.s2) ADD(-1, m.s3, n.s3) ADD(0, middle, sharp_middle)
+    ADD(1, m.s4, n.s4) ADD(2, m.s5, n.s5) ADD(3, m.s6, n.s6) ADD(4, m.s7, n.s7)
     float4 m4 = m.lo + m.hi, n4 = n.lo + n.hi;
     float matte = m4.x + m4.y + m4.z + m4.w + middle, specular = n4.x + n4.y + n4.z + n4.w + sharp_middle;
     sum = matte > 0.0f ? sum * (1.0f / matte) : mine;

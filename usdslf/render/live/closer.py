@@ -13,7 +13,7 @@ from usdslf.gpu.shared import Shared
 from usdslf.rays import points_at
 from usdslf.render.live import records as r
 from usdslf.render.live.scene import Hits, LiveScene
-from usdslf.render.live.view import Rows, View, fill_rows, fill_soft, see_lights, send_rays
+from usdslf.render.live.view import Rows, View, fill_rows, fill_soft, find_alike, see_lights, send_rays
 from usdslf.render.settings import LAYERS
 from usdslf.scene.records import F32
 
@@ -183,6 +183,7 @@ def _add(scene: LiveScene, view: View, found: _Found) -> None:
     nth = np.arange(len(pixel)) - np.searchsorted(pixel, pixel) + 1
     rows = Rows(scene, hits, view.window, view.size[0], pixel, nth, np.concatenate(found.share)[order])
     fill_rows(scene, rows, view.pixel_size)
+    find_alike(scene, rows, view.grid, view.window)
     fill_soft(scene, rows)
     first = Shared(device, (view.window.count + 1,), np.uint32, is_clean=False)
     first.host[:] = np.searchsorted(pixel, np.arange(len(first.host)))

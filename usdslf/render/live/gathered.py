@@ -169,16 +169,16 @@ class Gathered:
             )  # fmt: skip
         if self.is_split:
             changed = _about(changed, view)
-        sizes, grid_guide = (np.int32(view.window.width), np.int32(view.window.height)), view.grid.guide
+        width = np.int32(view.window.width)
         for step in (0, 1):  # along rows, which only the grid has, then along columns
             for p, rows in _listed(changed, view):
                 if not step and p:
                     continue
                 part, n = view.parts[p], len(rows.host)
                 g.kernel("live_combine", "filter_light")(
-                    groups(n), (GROUP,), np.uint32(n), rows, *sizes, np.int32(1 - step), np.int32(step),
-                    np.int32(WINDOW), np.int32(p == 0), np.int32(step), part.pixel, part.guide, self.light[p][0],
-                    grid_guide, self.light[0][step], self.light[p][step + 1],
+                    groups(n), (GROUP,), np.uint32(n), rows, width, np.int32(step), np.int32(WINDOW), np.int32(p == 0),
+                    np.int32(step), part.pixel, part.alike, self.light[p][0], self.light[0][step],
+                    self.light[p][step + 1],
                 )  # fmt: skip
         for stale, filtered, part in zip(self.stale, changed, view.parts):
             stale.clear()

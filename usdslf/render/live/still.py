@@ -29,7 +29,7 @@ from usdslf.render.live.gather import BATCH, Draw, GatherRoom, gather_batch
 from usdslf.render.live.materials import MaterialTable
 from usdslf.render.live.noise import Noise
 from usdslf.render.live.scene import Geometry, Hits, LiveScene, SentLight
-from usdslf.render.live.view import Rows, Window, fill_rows, see_lights, send_rays
+from usdslf.render.live.view import Rows, Window, fill_rows, find_alike, see_lights, send_rays
 from usdslf.render.settings import AOVS, LAYERS, LitScene, PictureOptions, Quality
 from usdslf.scene.cameras import pixel_size
 from usdslf.scene.records import F32, Camera
@@ -183,6 +183,7 @@ class StillPicture:
             groups(n), (GROUP,), np.uint32(n), np.int32(window.width), np.int32(window.height),
             np.int32(min(least, r.TILE)), rows.guide, rows.place, rows.sharp_place,
         )  # fmt: skip
+        find_alike(self.scene, rows, rows, window)
         tell()
         return _Layer(rows, through, limit)
 
@@ -314,9 +315,8 @@ class StillPicture:
         along, out = (Shared(g.device, light.host.shape, np.float32, is_clean=False) for _ in range(2))
         for step, (of, to) in enumerate(((light, along), (along, out))):
             g.kernel("live_combine", "filter_light")(
-                groups(n), (GROUP,), np.uint32(n), listed, np.int32(window.width), np.int32(window.height),
-                np.int32(1 - step), np.int32(step), np.int32(width), np.int32(1), np.int32(0), rows.pixel, rows.guide,
-                of, rows.guide, of, to,
+                groups(n), (GROUP,), np.uint32(n), listed, np.int32(window.width), np.int32(step), np.int32(width),
+                np.int32(1), np.int32(0), rows.pixel, rows.alike, of, of, to,
             )  # fmt: skip
         return out
 

@@ -86,6 +86,7 @@ class Rows:
         n = max(self.count, 1)
         make = lambda shape, dtype=np.float32: Shared(device, shape, dtype, is_clean=False)  # noqa: E731
         self.surface, self.guide, self.soft = make((n, r.SURFACE)), make((n, r.GUIDE)), make((n, 3))
+        self.alike = make((n, 4), np.int16)  # what the filter looks at about each
         self.pixel, self.share, self.place = make((n,), np.uint32), make((n,)), make((n,), np.uint8)
         self.all, self.identity = make((n,), np.uint32), make((n,), np.uint32)
         self.sharp_place = self.place  # of rays of the specular lobe
@@ -202,6 +203,7 @@ def look(
     of_distance = float(pixel_size(camera, np.ones(1), size)[0]) * (1 if camera.perspective else -1)
     view = View(scene, camera, size, window, grid, backdrop, of_distance)
     fill_rows(scene, grid, of_distance)
+    find_alike(scene, grid, grid, window)
     fill_soft(scene, grid)
     tell()
     return view
@@ -219,6 +221,15 @@ def fill_rows(scene: LiveScene, rows: Rows, pixel_size: float) -> None:
     g.kernel("live_combine", "guide_rows")(
         groups(n), (GROUP,), np.uint32(n), rows.surface, rows.hits.distance, np.float32(pixel_size), rows.guide,
         rows.radiance,
+    )  # fmt: skip
+
+
+def find_alike(scene: LiveScene, rows: Rows, grid: Rows, window: Window) -> None:
+    """Finds which neighbours on the grid show the same as each of some rows, which may be the grid's own."""
+    n = rows.count
+    scene.geometry.kernel("live_combine", "find_alike")(
+        groups(n), (GROUP,), np.uint32(n), np.int32(window.width), np.int32(window.height), np.int32(rows is grid),
+        rows.pixel, rows.guide, grid.guide, rows.alike,
     )  # fmt: skip
 
 
