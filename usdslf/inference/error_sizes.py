@@ -14,10 +14,12 @@ integrated out).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import helmert
 
 from usdslf.scene.records import F64
 
@@ -69,12 +71,43 @@ class Left:
         of, apart = np.ix_(dabs, channels), np.ix_(dabs, dabs)
         return Left(self.residual[of], self.explained[of], self.share[of], self.drift[apart], self.tint[apart])
 
-    def heard(self, by: F64) -> tuple[F64, F64, F64]:
-        """Returns residual, columns and covariance (m k, m k) where a is 1, each dab times a number (m,)."""
-        k, pairs = self.residual.shape[1], np.outer(by, by)
-        alike = np.kron(pairs * self.drift, np.ones((k, k))) + np.kron(pairs * self.tint, np.eye(k))
-        alike *= np.outer(self.share, self.share)
-        return by[:, None] * self.residual, by[:, None, None] * self.explained, alike
+    def heard(self, by: F64) -> Left:
+        """Returns the same of each dab times a number (m,)."""
+        pairs = np.outer(by, by)
+        return replace(
+            self, residual=by[:, None] * self.residual, explained=by[:, None, None] * self.explained,
+            drift=pairs * self.drift, tint=pairs * self.tint,
+        )  # fmt: skip
+
+    def modes(self, grey: float) -> tuple[F64, F64, F64]:
+        """Returns variances (m k,) of what dabs share where a is 1, and by its modes residual (m k,) and columns.
+
+        Args:
+            grey: correlation of a dab's own errors, which are made independent, of unit variance where b is 1.
+        """
+        (m, k), share = self.residual.shape, self.share
+        axes = helmert(k, full=True)  # the mean of the channels, and what is beside it
+        own = 1 / np.sqrt([1 + (k - 1) * grey] + [1 - grey] * (k - 1))
+        seen = np.concatenate([self.residual[..., None], self.explained], 2)
+        if not np.ptp(share, axis=1).any():  # even in all channels: axis by axis
+            seen = (own[:, None] * axes) @ seen
+            modes = [self._even_modes[min(axis, 1)] for axis in range(k)]
+            size = np.concatenate([o**2 * x for o, (x, _) in zip(own, modes, strict=True)])
+            by_mode = np.concatenate([turn.T @ seen[:, axis] for axis, (_, turn) in enumerate(modes)])
+            return size, by_mode[:, 0], by_mode[:, 1:]
+        w = (axes.T * own) @ axes
+        shares = (w * share[:, None]).reshape(m * k, k)  # rows of w, times what each dab and channel counts
+        alike = np.repeat(np.repeat(self.drift, k, 0), k, 1) * np.outer(shares.sum(1), shares.sum(1))
+        alike += np.repeat(np.repeat(self.tint, k, 0), k, 1) * (shares @ shares.T)
+        size, turn = np.linalg.eigh(alike)
+        by_mode = turn.T @ (w @ seen).reshape(m * k, -1)
+        return size, by_mode[:, 0], by_mode[:, 1:]
+
+    @cached_property
+    def _even_modes(self) -> list[tuple[F64, F64]]:
+        """Modes of what dabs share, even in all channels: of the channels' mean, and beside it."""
+        share, k = np.outer(self.share[:, 0], self.share[:, 0]), self.share.shape[1]
+        return [np.linalg.eigh(share * x) for x in (k * self.drift + self.tint, self.tint)[: min(k, 2)]]
 
 
 @dataclass(frozen=True)
@@ -96,18 +129,18 @@ def read_sizes(left: Left, prior: Prior, of_paint: F64, of_field: F64) -> tuple[
     b = prior.usual[1]
     for _ in range(READINGS):
         beside = b
-        sizes = _likely_sizes(*left.heard(1 / np.sqrt(of_paint + of_field / beside)), prior)
+        sizes = _likely_sizes(left.heard(1 / np.sqrt(of_paint + of_field / beside)), prior)
         b = sizes.middle[1]
         if not of_field.any() or abs(np.log(b / beside)) < SAME:
             break
     return sizes, beside
 
 
-def _likely_sizes(residual: F64, explained: F64, alike: F64, prior: Prior) -> Sizes:
+def _likely_sizes(left: Left, prior: Prior) -> Sizes:
     """The sizes where dabs' own errors have the variance b."""
-    greys = (0.0, GREY) if residual.shape[1] > 1 else (0.0,)
+    greys = (0.0, GREY) if left.residual.shape[1] > 1 else (0.0,)
     own = np.maximum(prior.slack * SIZES_OWN, prior.least)
-    logs = np.stack([_chances(residual, explained, alike, own, grey) for grey in greys], 2)
+    logs = np.stack([_chances(left, own, grey) for grey in greys], 2)
     of_a, of_b = (np.log(x / u) / SPREAD for x, u in zip((SIZES_ALIKE, SIZES_OWN), prior.usual, strict=True))
     of_a = of_a[:, None]
     logs -= (0.5 * (of_a**2 + of_b**2 - 2 * TOGETHER * of_a * of_b) / (1 - TOGETHER**2))[..., None]
@@ -121,18 +154,26 @@ def mostly_grey(channels: int, grey: float) -> F64:
     return np.asarray((1 - grey) * np.eye(channels) + grey)
 
 
-def _chances(left: F64, explained: F64, alike: F64, own: F64, grey: float) -> F64:
-    """Logarithms (g, h) of how likely what is left is with each a, variances `own` (h,) and correlation `grey` of K."""
-    m, k = left.shape
-    mean = np.full((k, k), 1 / k)
-    w = mean / np.sqrt(1 + (k - 1) * grey) + (np.eye(k) - mean) / np.sqrt(1 - grey)  # makes them independent
-    columns, even = (w @ explained).reshape(m * k, -1), (left @ w).reshape(-1)
-    turned = (w @ (alike.reshape(m, k, m, k) @ w).reshape(m, k, -1)).reshape(m * k, -1)
+def _chances(left: Left, own: F64, grey: float) -> F64:
+    """Logarithms (g, h) of how likely what is left is with each a, variances `own` (h,) and correlation `grey` of K.
+
+    With V = a `alike` + b I and the columns X, log|V| + log|X' V^-1 X| + r' (V^-1 - V^-1 X (X' V^-1 X)^-1 X' V^-1) r.
+    """
+    m, k = left.residual.shape
+    size, residual, columns = left.modes(grey)
     basis, sizes, _ = np.linalg.svd(columns, full_matrices=False)
     rank = int((1e-9 * sizes.max(initial=1e-30) < sizes).sum())
-    rest = np.linalg.qr(basis[:, :rank], mode="complete").Q[:, rank:]
-    size, turn = np.linalg.eigh(rest.T @ turned @ rest)
-    seen = (turn.T @ (rest.T @ even)) ** 2
-    variance = SIZES_ALIKE[:, None, None] * np.maximum(size, 0) + own[:, None]
-    log = -0.5 * (np.log(variance) + seen / variance).sum(2)
-    return np.asarray(log + m * np.linalg.slogdet(w)[1] - np.log(sizes[:rank]).sum())
+    basis = basis[:, :rank]
+    residual = residual - basis @ (basis.T @ residual)  # which V then leaves as it is, but for less rounding
+    variance = (np.maximum(size, 0)[:, None, None] * SIZES_ALIKE[:, None] + own).reshape(m * k, -1)
+    asked = np.concatenate([basis, residual[:, None]], 1)
+    products = ((asked[:, :, None] * asked[:, None]).reshape(m * k, -1).T @ (1 / variance)).reshape(
+        rank + 1, rank + 1, -1
+    )
+    log = np.log(variance).sum(0)
+    for _ in range(rank):  # Schur complements, which leave what the residual has of its own
+        log += np.log(products[0, 0])
+        products = products[1:, 1:] - products[1:, :1] * (products[:1, 1:] / products[0, 0])
+    of_axes = 0.5 * (np.log1p((k - 1) * grey) + (k - 1) * np.log1p(-grey))
+    log = -0.5 * (log + products[0, 0]) - m * of_axes - np.log(sizes[:rank]).sum()
+    return np.asarray(log.reshape(len(SIZES_ALIKE), -1))
