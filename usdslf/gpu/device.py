@@ -95,14 +95,15 @@ class Device:
             )
 
     def upload(self, array: ArrayLike) -> Any:
-        """Copies a contiguous array to the device."""
+        """Copies a contiguous array to the device; one that is not large waits for nothing that was enqueued before."""
         host = np.ascontiguousarray(array)
         self.moved += host.nbytes
         try:
             if host.size == 0:
                 return cla.zeros(self.queue, (1,), host.dtype)
             if host.nbytes < LARGE:
-                return cla.to_device(self.queue, host)
+                how = cl.mem_flags.READ_WRITE | cl.mem_flags.COPY_HOST_PTR
+                return cla.Array(self.queue, host.shape, host.dtype, data=cl.Buffer(self.context, how, hostbuf=host))
             array_d = self._made(host.shape, host.dtype)
             array_d.set(host, self.queue)
         except cl.Error as error:
