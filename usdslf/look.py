@@ -25,6 +25,7 @@ from usdslf.inference.answer_residuals import residual_as_written
 from usdslf.inference.answers import Pool
 from usdslf.inference.asked import asked_of
 from usdslf.inference.changes import with_varying
+from usdslf.light_field.importance import seen_from
 from usdslf.light_field.renewal import renew
 from usdslf.light_field.surface import Surface
 from usdslf.progress import step, tell, tell_during
@@ -316,7 +317,8 @@ def _read_back(
         """What the light field of the look is to a style, and the residuals of what varies."""
         start = solution.stylized.light if solution.stylized and solution.stylized.light else field
         under = start.with_surface(Surface.of(refresh_reflectance(shot.elements, shot.scene, scene)))
-        matters = np.sum([p.samples.sees(field) for p in solution.painted], axis=0) if varying else None
+        met = [p.samples.met(field) for p in solution.painted]
+        matters = seen_from(field, np.sum(met, axis=0)) if varying else None
         renew(under, shot.bounces, matters=matters)
         style = solution.stylized.as_written(under) if solution.stylized else None
         return style, [residual_as_written(a, scene, list(solution.painted), under) for a in varying]

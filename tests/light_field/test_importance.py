@@ -9,7 +9,7 @@ from kit.scene_records import box, lamp, quad
 
 from usdslf.gpu.device import Device
 from usdslf.light_field import importance
-from usdslf.light_field.importance import seen_from
+from usdslf.light_field.importance import met_along, seen_from
 from usdslf.light_field.light_field import LightField
 from usdslf.light_field.links import BLOCKED, ESCAPES
 from usdslf.light_field.surface import albedo
@@ -42,7 +42,8 @@ def rays(room: LightField) -> tuple[np.ndarray, np.ndarray]:
 def test_elements_matter_by_what_their_light_does_where_rays_end(room: LightField) -> None:
     """Those of a material shine: what is seen of it along the rays, with all bounces, against their importance."""
     links, weights = rays(room)
-    matters, e, rng = seen_from(room, links, weights), room.elements, np.random.default_rng(3)
+    e, rng = room.elements, np.random.default_rng(3)
+    matters = seen_from(room, met_along(len(e), links, weights))
     links_d, weights_d = (room.device.upload(x) for x in (links, weights))
     seen, foreseen = [], []
     for shining in (FLOOR, BOX):
@@ -69,4 +70,4 @@ def test_importance_is_reflected_by_what_elements_see(room: LightField, monkeypa
         who = hit[i, bins] // D
         once[i] = area[i] * (cosine[bins] * (reflects * share / area)[who]).sum()
     further = (once @ reflects) / max(1 - reflects.mean(), 0.1) / n
-    np.testing.assert_allclose(seen_from(room, links, weights), share + once + further, rtol=1e-4)
+    np.testing.assert_allclose(seen_from(room, met_along(n, links, weights)), share + once + further, rtol=1e-4)

@@ -41,6 +41,7 @@ from usdslf.inference.varying import (
     varying_answers,
 )
 from usdslf.inference.weights import Options
+from usdslf.light_field.importance import seen_from
 from usdslf.light_field.light_field import LightField
 from usdslf.light_field.renewal import renew
 from usdslf.scene.records import Scene
@@ -75,8 +76,10 @@ class Asking:
 
     def matters(self, painted: list[Painted]) -> NDArray[np.float64]:
         """Returns how much elements (N,) do to what strokes see."""
-        sees = lambda p: self.kept.once(f"seen {p.name}", lambda _: p.samples.sees(self.field), [])  # noqa: E731
-        return np.asarray(np.sum([sees(p) if p.name else p.samples.sees(self.field) for p in painted], axis=0))
+        names, met = [p.name for p in painted], lambda p: p.samples.met(self.field)
+        of = lambda p: self.kept.once(f"met {p.name}", lambda _: met(p), []) if p.name else met(p)  # noqa: E731
+        find = lambda _: seen_from(self.field, np.sum([of(p) for p in painted], axis=0))  # noqa: E731
+        return self.kept.once(name_of("seen", names), find, []) if all(names) else find([])
 
     def settle(self, field: LightField, painted: list[Painted]) -> None:
         """Lets light follow a change as far as strokes see it."""

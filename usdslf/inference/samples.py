@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from usdslf.inference.footprint import Mixture, footprint, is_of_picture, mixed_footprint
 from usdslf.inference.pictured import Pictured
 from usdslf.inference.sample_rays import Points, RayLight, Trace, trace_rays
-from usdslf.light_field.importance import seen_from
+from usdslf.light_field.importance import met_along
 from usdslf.light_field.light_field import LightField
 from usdslf.lights.sources import LightSet
 from usdslf.sampling.frames import frames_about
@@ -47,11 +47,11 @@ class Samples:
     beside: Beside | None = None  # what else its dabs show
     doubtful: NDArray[np.float64] | None = None  # (S, 3, 3) radiance before any edit, see doubt.py; None: not known
 
-    def sees(self, field: LightField) -> NDArray[np.float64]:
-        """Returns how much each element (N,) matters to what is seen here."""
+    def met(self, field: LightField) -> NDArray[np.float64]:
+        """Returns how many of the rays end at each element (N,)."""
         links, weights = (field.device.download(x) for x in (self.light.links_d, self.light.weights_d))
-        found = seen_from(field, links, weights)
-        return found if self.beside is None or self.beside.samples is None else found + self.beside.samples.sees(field)
+        found = met_along(len(field.elements), links, weights)
+        return found if self.beside is None or self.beside.samples is None else found + self.beside.samples.met(field)
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,7 @@
 """Importance: how much the light that elements send does to what is seen along rays.
 
-    seen_from(field, links, weights) -> (N,)
+    met_along(count, links, weights) -> (N,)    how much of rays ends at each element
+    seen_from(field, met) -> (N,)               how much each matters to who sees along them
 
 Importance goes the way of light the other way round.  An element matters by its share of the rays, and by what those
 reflect of it that matter themselves,
@@ -27,15 +28,24 @@ from usdslf.light_field.surface import albedo
 REFLECTIONS = 2  # that are followed; each costs a look at all links
 
 
-def seen_from(field: LightField, links: NDArray, weights: NDArray) -> NDArray[np.float64]:
+def met_along(count: int, links: NDArray, weights: NDArray) -> NDArray[np.float64]:
+    """Returns how many rays end at each of `count` elements.
+
+    Args:
+        links, weights: (n, BLEND) of the rays.
+    """
+    named = is_link(links)
+    return np.bincount(element_of(links[named]), weights[named], minlength=count).astype(np.float64)
+
+
+def seen_from(field: LightField, met: NDArray[np.float64]) -> NDArray[np.float64]:
     """Returns how much elements (N,) matter to who sees them along rays, by their share of the rays.
 
     Args:
         field: whose reflectance of now counts.
-        links, weights: (n, BLEND) of the rays; may be several rays' of several strokes, one after another.
+        met: (N,) rays that end at each: of all strokes together, as it costs the same.
     """
-    n, named = len(field.elements), is_link(links)
-    last = np.bincount(element_of(links[named]), weights[named], minlength=n).astype(np.float64)
+    n, last = len(field.elements), met
     found, reflects = last.copy(), albedo(field.surface).astype(np.float64)
     area = _areas(field.elements)
     for _ in range(REFLECTIONS):
