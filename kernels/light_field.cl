@@ -13,7 +13,32 @@
 #define STREAMED 0
 #endif
 
-/* light arriving at a block's elements: fixed light plus what the elements that they see send back
+/* light arriving at a block's elements in two rows of bins: fixed light plus what the elements that they see send back
+ * Lane after lane, as an element's bins lie side by side, and those of the others a multiple of a page away.  Without branches, so
+ * that many reads are under way at once; lanes of none and bins of no link read the first bin, times zero.
+ * elements  (LANES) of each lane, -1 for none; row: of the block's first lane in hit and fixed, with STREAMED
+ * rows      (ROWS, 3) by lane: result
+ */
+#define ROWS (2 * SIDE)
+inline void gather_rows(__global const int *elements, const size_t row, __global const uint *hit, __global const light_t *fixed,
+                        __global const light_t *outgoing, const int first_bin, float (*rows)[LANES])
+{
+    for (int lane = 0; lane < LANES; lane++) {
+        int e = elements[lane];
+        size_t at = (STREAMED ? row + lane : (size_t)(e >= 0 ? e : 0)) * D_BINS + first_bin;
+        __global const uint *links = hit + at;
+        __global const light_t *own = fixed + 3 * at;
+        float there = e >= 0 ? 1.0f : 0.0f;
+        for (int k = 0; k < ROWS; k++) {
+            uint h = links[k];
+            float share = IS_LINK(h) ? there : 0.0f;
+            __global const light_t *sent = outgoing + 3 * (size_t)(IS_LINK(h) ? h : 0u);
+            for (int c = 0; c < 3; c++) rows[3 * k + c][lane] = there * light_at(own, 3 * k + c) + share * light_at(sent, c);
+        }
+    }
+}
+
+/* light arriving at a block's elements; one work-item two rows of bins of a block
  * order     (blocks * 16) element of each lane, -1 for none
  * hit       (N, D) packed links
  * fixed     (N, D, 3) light that no edit changes; with STREAMED it and hit are of the lanes of these blocks: (blocks * 16, D)
@@ -21,26 +46,14 @@
  * light     (blocks, D, 3) float16: result
  */
 __kernel void gather(__global const int *order, __global const uint *hit, __global const light_t *fixed,
-                     __global const light_t *outgoing, const int first_block, __global float *light)
+                     __global const light_t *outgoing, const int first_block, __global float16 *light)
 {
-    int d = get_global_id(0), block = get_global_id(1);
-    if (d >= D_BINS) return;
-    float r[LANES], g[LANES], b[LANES];
-    for (int lane = 0; lane < LANES; lane++) {
-        int e = order[(first_block + block) * LANES + lane];
-        float3 v = (float3)(0.0f);
-        if (e >= 0) {
-            size_t at = (size_t)(STREAMED ? block * LANES + lane : e) * D_BINS + d;
-            uint h = hit[at];
-            v = load_light(fixed, at);
-            if (IS_LINK(h)) v += load_light(outgoing, h);
-        }
-        r[lane] = v.x; g[lane] = v.y; b[lane] = v.z;
-    }
-    __global float *to = light + ((size_t)block * D_BINS + d) * 3 * LANES;
-    for (int lane = 0; lane < LANES; lane++) {
-        to[lane] = r[lane]; to[LANES + lane] = g[lane]; to[2 * LANES + lane] = b[lane];
-    }
+    int first = get_global_id(0) * ROWS, block = get_global_id(1);
+    if (first >= D_BINS) return;
+    float rows[ROWS * 3][LANES];
+    gather_rows(order + (first_block + block) * LANES, (size_t)block * LANES, hit, fixed, outgoing, first, rows);
+    __global float16 *to = light + ((size_t)block * D_BINS + first) * 3;
+    for (int k = 0; k < ROWS * 3; k++) to[k] = vload16(0, rows[k]);
 }
 
 /* means over two by two bins
@@ -73,20 +86,6 @@ __kernel void irradiance(__global const float16 *light, __global const float *co
     e_pi[block * 3 + c] = sum;
 }
 
-inline void put_lanes(__global light_t *outgoing, __global const int *order, int at, int d, int adds, const float16 *v)
-{
-    float rgb[3][LANES];
-    for (int c = 0; c < 3; c++) vstore16(v[c], 0, rgb[c]);
-    for (int lane = 0; lane < LANES; lane++) {
-        int e = order[at + lane];
-        if (e < 0) continue;
-        size_t to = (size_t)e * D_BINS + d;
-        float3 sum = (float3)(rgb[0][lane], rgb[1][lane], rgb[2][lane]);
-        if (adds) sum += load_light(outgoing, to);
-        store_light(sum, outgoing, to);
-    }
-}
-
 /* the basis of symmetry.py: H x H cells of a quarter of the coarse map, each of which stands for four bins */
 #define H (SIDE / 4)
 #define CELLS (H * H)
@@ -110,16 +109,58 @@ inline int opposite_of(int y, int x) { return y * (H - 1) - y * (y - 1) / 2 + x 
 inline int folded_bin(int y, int x, int low, int left) { return (low ? 2 * H - 1 - y : y) * 2 * H + (left ? 2 * H - 1 - x : x); }
 inline int fine_bin(int q, int k) { return ((q / (SIDE / 2)) * 2 + k / 2) * SIDE + (q % (SIDE / 2)) * 2 + k % 2; }
 
-/* light arriving at a block's elements, in the basis; one work-item a cell and the one across the diagonal
+/* light arriving at a block's elements, in the basis but for the swap; one work-item a row of cells
  * cosine    (D) cosines of the bins, scaled to the sum 1
- * folded    (blocks, Q, 3) float16: result
- * e_part    (blocks, ALIKE, 3) float16: result, parts of the irradiance over pi
+ * folded    (blocks, Q, 3) float16: result, of those that are odd under one flip
+ * cells     (blocks, 2, CELLS, 3) float16: result, even under both flips and odd under both
+ * e_part    (blocks, H, 3) float16: result, parts of the irradiance over pi
  * light     (blocks, D, 3) float16: result, where there are sharp lobes
  * others as of gather
  */
 __kernel void gather_folded(__global const int *order, __global const uint *hit, __global const light_t *fixed,
                             __global const light_t *outgoing, __global const float *cosine, const int first_block,
-                            __global float16 *folded, __global float16 *e_part, __global float16 *light)
+                            __global float16 *folded, __global float16 *cells, __global float16 *e_part, __global float16 *light)
+{
+    int y = get_global_id(0), block = get_global_id(1);
+    if (y >= H) return;
+    float16 coarse[2][SIDE / 2 * 3], e_pi[3];
+    for (int c = 0; c < 3; c++) e_pi[c] = 0.0f;
+    for (int low = 0; low < 2; low++) {
+        int first = fine_bin(folded_bin(y, 0, low, 0), 0);
+        float rows[ROWS * 3][LANES];
+        gather_rows(order + (first_block + block) * LANES, (size_t)block * LANES, hit, fixed, outgoing, first, rows);
+        for (int q = 0; q < SIDE / 2; q++)
+            for (int c = 0; c < 3; c++) {
+                float16 sum = 0.0f;
+                for (int m = 0; m < 4; m++) {
+                    int k = m / 2 * SIDE + 2 * q + m % 2;
+                    float16 a = vload16(0, rows[3 * k + c]);
+                    sum += a;
+                    e_pi[c] += cosine[first + k] * a;
+#if SHARP
+                    light[((size_t)block * D_BINS + first + k) * 3 + c] = a;
+#endif
+                }
+                coarse[low][q * 3 + c] = 0.25f * sum;
+            }
+    }
+    for (int c = 0; c < 3; c++) e_part[((size_t)block * H + y) * 3 + c] = e_pi[c];
+    __global float16 *to = folded + (size_t)block * Q_BINS * 3, *cell = cells + ((size_t)block * 2 * CELLS + y * H) * 3;
+    for (int x = 0; x < H; x++)
+        for (int c = 0; c < 3; c++) {
+            float16 a = coarse[0][x * 3 + c], b = coarse[0][(2 * H - 1 - x) * 3 + c];
+            float16 d = coarse[1][x * 3 + c], f = coarse[1][(2 * H - 1 - x) * 3 + c];
+            to[(EVEN_ODD + y * H + x) * 3 + c] = a + d - b - f;
+            to[(ODD_EVEN + x * H + y) * 3 + c] = a + b - d - f;
+            cell[x * 3 + c] = a + b + d + f;
+            cell[(CELLS + x) * 3 + c] = a - b - d + f;
+        }
+}
+
+/* the swap: sums and differences of cells and those across the diagonal; one work-item a pair
+ * cells, folded  of gather_folded; the rest of the latter: result
+ */
+__kernel void fold_swapped(__global const float16 *cells, __global float16 *folded)
 {
     int item = get_global_id(0), block = get_global_id(1);
     if (item >= ALIKE) return;
@@ -127,82 +168,35 @@ __kernel void gather_folded(__global const int *order, __global const uint *hit,
     while (x >= H - y) { x -= H - y; y++; }
     x += y;
     __global float16 *to = folded + (size_t)block * Q_BINS * 3;
-    __global const int *elements = order + (first_block + block) * LANES;
-    float16 even[2][3], odd[2][3], e_pi[3];
-    for (int c = 0; c < 3; c++) e_pi[c] = 0.0f;
-    for (int side = 0; side < (y < x ? 2 : 1); side++) {
-        int cy = side ? x : y, cx = side ? y : x;
-        float16 v[4][3];
-        for (int k = 0; k < 4; k++) {
-            int q = folded_bin(cy, cx, k / 2, k % 2);
-            float16 sum[3];
-            for (int c = 0; c < 3; c++) sum[c] = 0.0f;
-            for (int m = 0; m < 4; m++) {
-                int d = fine_bin(q, m);
-                /* without branches, so that many reads are under way at once; lanes of none read the first bin, times zero */
-                float rgb[3][LANES], share[LANES], there[LANES];
-                size_t at[LANES], from[LANES];
-                for (int lane = 0; lane < LANES; lane++) {
-                    int e = elements[lane];
-                    there[lane] = e >= 0 ? 1.0f : 0.0f;
-                    at[lane] = (size_t)(STREAMED ? block * LANES + lane : e >= 0 ? e : 0) * D_BINS + d;
-                }
-                for (int lane = 0; lane < LANES; lane++) {
-                    uint h = hit[at[lane]];
-                    share[lane] = IS_LINK(h) ? there[lane] : 0.0f;
-                    from[lane] = IS_LINK(h) ? h : 0;
-                }
-                for (int c = 0; c < 3; c++)
-                    for (int lane = 0; lane < LANES; lane++)
-                        rgb[c][lane] = there[lane] * light_at(fixed, 3 * at[lane] + c) + share[lane] * light_at(outgoing, 3 * from[lane] + c);
-                for (int c = 0; c < 3; c++) {
-                    float16 a = vload16(0, rgb[c]);
-                    sum[c] += a;
-                    e_pi[c] += cosine[d] * a;
-#if SHARP
-                    light[((size_t)block * D_BINS + d) * 3 + c] = a;
-#endif
-                }
-            }
-            for (int c = 0; c < 3; c++) v[k][c] = 0.25f * sum[c];
-        }
+    for (int odd = 0; odd < 2; odd++)
         for (int c = 0; c < 3; c++) {
-            to[(EVEN_ODD + cy * H + cx) * 3 + c] = v[0][c] + v[2][c] - v[1][c] - v[3][c];
-            to[(ODD_EVEN + cx * H + cy) * 3 + c] = v[0][c] + v[1][c] - v[2][c] - v[3][c];
-            even[side][c] = v[0][c] + v[1][c] + v[2][c] + v[3][c];
-            odd[side][c] = v[0][c] - v[1][c] - v[2][c] + v[3][c];
+            __global const float16 *cell = cells + ((size_t)block * 2 + odd) * CELLS * 3 + c;
+            float16 a = cell[(y * H + x) * 3], b = cell[(x * H + y) * 3];
+            to[(odd * ODD + item) * 3 + c] = y < x ? a + b : a;
+            if (y < x) to[(odd * ODD + ALIKE + opposite_of(y, x)) * 3 + c] = a - b;
         }
-    }
-    for (int c = 0; c < 3; c++) {
-        if (y < x) {
-            to[(ALIKE + opposite_of(y, x)) * 3 + c] = even[0][c] - even[1][c];
-            to[(ODD + ALIKE + opposite_of(y, x)) * 3 + c] = odd[0][c] - odd[1][c];
-            even[0][c] += even[1][c];
-            odd[0][c] += odd[1][c];
-        }
-        to[item * 3 + c] = even[0][c];
-        to[(ODD + item) * 3 + c] = odd[0][c];
-        e_part[((size_t)block * ALIKE + item) * 3 + c] = e_pi[c];
-    }
 }
 
-/* the columns Y, and A and B of rough lobes, in the basis
+/* rows of the basis that a work-item makes: as many sums as stay in registers */
+#define TOGETHER (ROUGH == 0 ? 4 : ROUGH == 1 ? 2 : 1)
+
+/* the columns Y, and A and B of rough lobes, in the basis; blocks of the matrices have a multiple of TOGETHER rows
  * folded   (blocks, Q, 3) float16
  * y, a, b  blocks of the matrices one after another, row by row; a_2, b_2 of the second rough lobe
- * e_part   (blocks, ALIKE, 3) float16; e_pi (blocks, 3) float16: result, their sum, the irradiance over pi
+ * e_part   (blocks, H, 3) float16; e_pi (blocks, 3) float16: result, their sum, the irradiance over pi
  * answer   (blocks, Q, COLUMNS, 3) float16: result
  */
 __kernel void reflect_folded(__global const float16 *folded, __global const float *y, __global const float *a,
                              __global const float *b, __global const float *a_2, __global const float *b_2,
                              __global const float16 *e_part, __global float16 *e_pi, __global float16 *answer)
 {
-    int q = get_global_id(0), block = get_global_id(1);
-    if (q >= Q_BINS) return;
-    if (q < 3) {
+    int item = get_global_id(0), q = item * TOGETHER, block = get_global_id(1);
+    if (item < 3) {
         float16 all = 0.0f;
-        for (int k = 0; k < ALIKE; k++) all += e_part[((size_t)block * ALIKE + k) * 3 + q];
-        e_pi[block * 3 + q] = all;
+        for (int k = 0; k < H; k++) all += e_part[((size_t)block * H + k) * 3 + item];
+        e_pi[block * 3 + item] = all;
     }
+    if (q >= Q_BINS) return;
     int size = CELLS, first = q < ODD_EVEN ? EVEN_ODD : ODD_EVEN, matrix = 2 * (ALIKE * ALIKE + OPPOSITE * OPPOSITE);
     if (q < EVEN_ODD) {
         int odd = q >= ODD, opposite = q - odd * ODD >= ALIKE;
@@ -212,22 +206,41 @@ __kernel void reflect_folded(__global const float16 *folded, __global const floa
     }
     __global const float16 *light = folded + ((size_t)block * Q_BINS + first) * 3;
     matrix += (q - first) * size;
-    float16 sum[COLUMNS][3];
-    for (int k = 0; k < COLUMNS; k++) for (int c = 0; c < 3; c++) sum[k][c] = 0.0f;
+    float16 sum[TOGETHER][COLUMNS][3];
+#pragma unroll
+    for (int i = 0; i < TOGETHER; i++)
+#pragma unroll
+        for (int n = 0; n < COLUMNS; n++) sum[i][n][0] = sum[i][n][1] = sum[i][n][2] = 0.0f;
     for (int k = 0; k < size; k++) {
         float16 r[3] = {light[k * 3], light[k * 3 + 1], light[k * 3 + 2]};
-        float w[COLUMNS];
-        w[0] = y[matrix + k];
+#pragma unroll
+        for (int i = 0; i < TOGETHER; i++) {
+            int at = matrix + i * size + k;
+            float w[COLUMNS];
+            w[0] = y[at];
 #if ROUGH
-        w[1] = a[matrix + k]; w[2] = b[matrix + k];
+            w[1] = a[at]; w[2] = b[at];
 #endif
 #if ROUGH > 1
-        w[3] = a_2[matrix + k]; w[4] = b_2[matrix + k];
+            w[3] = a_2[at]; w[4] = b_2[at];
 #endif
-        for (int n = 0; n < COLUMNS; n++) for (int c = 0; c < 3; c++) sum[n][c] += w[n] * r[c];
+#pragma unroll
+            for (int n = 0; n < COLUMNS; n++) {
+                sum[i][n][0] += w[n] * r[0];
+                sum[i][n][1] += w[n] * r[1];
+                sum[i][n][2] += w[n] * r[2];
+            }
+        }
     }
     __global float16 *to = answer + ((size_t)block * Q_BINS + q) * COLUMNS * 3;
-    for (int n = 0; n < COLUMNS; n++) for (int c = 0; c < 3; c++) to[n * 3 + c] = sum[n][c];
+#pragma unroll
+    for (int i = 0; i < TOGETHER; i++)
+#pragma unroll
+        for (int n = 0; n < COLUMNS; n++) {
+            to[(i * COLUMNS + n) * 3] = sum[i][n][0];
+            to[(i * COLUMNS + n) * 3 + 1] = sum[i][n][1];
+            to[(i * COLUMNS + n) * 3 + 2] = sum[i][n][2];
+        }
 }
 
 /* one sharp lobe from the largest weights of each row
@@ -253,7 +266,7 @@ __kernel void reflect_sharp(__global const float16 *light, __global const int *f
     }
 }
 
-/* what elements send out, from the basis to the bins
+/* what elements send out, from the basis to the bins; one work-item a row of cells, in two fine rows of bins above and two below
  * answer      (blocks, Q, COLUMNS, 3) float16; sharp (blocks, D, 3) float16
  * e_pi        (blocks, 3) float16
  * y_scale     (D); lobe_scale, lobe_scale_2 (D, 2): coarse to fine albedo
@@ -267,23 +280,10 @@ __kernel void unfold(__global const float16 *answer, __global const float16 *sha
                      __global const float16 *parameters, __global const float *emission, __global const int *order,
                      const int first_block, const int adds, __global light_t *outgoing)
 {
-    int cell = get_global_id(0), block = get_global_id(1);
-    if (cell >= CELLS) return;
-    int y = cell / H, x = cell % H, low_y = min(y, x), high_x = max(y, x), at = (first_block + block) * LANES;
-    int alike = alike_of(low_y, high_x), opposite = ALIKE + (y == x ? 0 : opposite_of(low_y, high_x));
-    float sign = y < x ? 1.0f : y > x ? -1.0f : 0.0f;
+    int y = get_global_id(0), block = get_global_id(1);
+    if (y >= H) return;
+    int at = (first_block + block) * LANES;
     __global const float16 *from = answer + (size_t)block * Q_BINS * COLUMNS * 3;
-    float16 coarse[4][COLUMNS * 3]; /* low and left, as folded_bin */
-    for (int c = 0; c < COLUMNS * 3; c++) {
-        float16 even = from[alike * COLUMNS * 3 + c] + sign * from[opposite * COLUMNS * 3 + c];
-        float16 odd = from[(ODD + alike) * COLUMNS * 3 + c] + sign * from[(ODD + opposite) * COLUMNS * 3 + c];
-        float16 across = from[(EVEN_ODD + cell) * COLUMNS * 3 + c];
-        float16 down = from[(ODD_EVEN + x * H + y) * COLUMNS * 3 + c];
-        coarse[0][c] = even + odd + across + down;
-        coarse[1][c] = even - odd - across + down;
-        coarse[2][c] = even - odd + across - down;
-        coarse[3][c] = even + odd - across - down;
-    }
     __global const float16 *p = parameters + (size_t)(first_block + block) * PARAMETERS;
     float glow[3][LANES];
     for (int lane = 0; lane < LANES; lane++) {
@@ -291,24 +291,54 @@ __kernel void unfold(__global const float16 *answer, __global const float16 *sha
         float3 g = adds || e < 0 ? (float3)(0.0f) : load3(emission, e);
         glow[0][lane] = g.x; glow[1][lane] = g.y; glow[2][lane] = g.z;
     }
-    for (int k = 0; k < 16; k++) {
-        int d = fine_bin(folded_bin(y, x, k / 8, k / 4 % 2), k % 4);
-        float16 v[3];
-        for (int c = 0; c < 3; c++) {
-            float16 yv = coarse[k / 4][c] * y_scale[d];
-            v[c] = vload16(0, glow[c]) + p[c] * (e_pi[block * 3 + c] - yv) + p[3 + c] * yv;
+    for (int low = 0; low < 2; low++) {
+        float rows[ROWS * 3][LANES];
+        for (int x = 0; x < H; x++) {
+            int low_y = min(y, x), high_x = max(y, x);
+            int alike = alike_of(low_y, high_x), opposite = ALIKE + (y == x ? 0 : opposite_of(low_y, high_x));
+            float sign = y < x ? 1.0f : y > x ? -1.0f : 0.0f;
+            float16 coarse[2][COLUMNS * 3]; /* left or not, as folded_bin */
+            for (int c = 0; c < COLUMNS * 3; c++) {
+                float16 even = from[alike * COLUMNS * 3 + c] + sign * from[opposite * COLUMNS * 3 + c];
+                float16 odd = from[(ODD + alike) * COLUMNS * 3 + c] + sign * from[(ODD + opposite) * COLUMNS * 3 + c];
+                float16 across = from[(EVEN_ODD + y * H + x) * COLUMNS * 3 + c];
+                float16 down = from[(ODD_EVEN + x * H + y) * COLUMNS * 3 + c];
+                float16 same = low ? even - down : even + down, other = low ? across - odd : across + odd;
+                coarse[0][c] = same + other;
+                coarse[1][c] = same - other;
+            }
+            for (int k = 0; k < 8; k++) {
+                int d = fine_bin(folded_bin(y, x, low, k / 4), k % 4);
+                float16 *of_bin = coarse[k / 4];
+                for (int c = 0; c < 3; c++) {
+                    float16 yv = of_bin[c] * y_scale[d];
+                    float16 v = vload16(0, glow[c]) + p[c] * (e_pi[block * 3 + c] - yv) + p[3 + c] * yv;
 #if SHARP
-            v[c] += sharp[((size_t)block * D_BINS + d) * 3 + c];
+                    v += sharp[((size_t)block * D_BINS + d) * 3 + c];
 #endif
 #if ROUGH
-            __global const float16 *of = p + 6 + 6 * SHARP;
-            v[c] += of[c] * coarse[k / 4][3 + c] * lobe_scale[d].x + of[3 + c] * coarse[k / 4][6 + c] * lobe_scale[d].y;
+                    __global const float16 *of = p + 6 + 6 * SHARP;
+                    v += of[c] * of_bin[3 + c] * lobe_scale[d].x + of[3 + c] * of_bin[6 + c] * lobe_scale[d].y;
 #endif
 #if ROUGH > 1
-            v[c] += of[6 + c] * coarse[k / 4][9 + c] * lobe_scale_2[d].x + of[9 + c] * coarse[k / 4][12 + c] * lobe_scale_2[d].y;
+                    v += of[6 + c] * of_bin[9 + c] * lobe_scale_2[d].x + of[9 + c] * of_bin[12 + c] * lobe_scale_2[d].y;
 #endif
+                    vstore16(v, 0, rows[(k % 4 / 2 * SIDE + d % SIDE) * 3 + c]);
+                }
+            }
         }
-        put_lanes(outgoing, order, at, d, adds, v);
+        /* lane after lane, as in gather_rows */
+        int first = fine_bin(folded_bin(y, 0, low, 0), 0);
+        for (int lane = 0; lane < LANES; lane++) {
+            int e = order[at + lane];
+            if (e < 0) continue;
+            __global light_t *to = outgoing + ((size_t)e * D_BINS + first) * 3;
+            for (int k = 0; k < ROWS * 3; k += 4) {
+                float4 v = (float4)(rows[k][lane], rows[k + 1][lane], rows[k + 2][lane], rows[k + 3][lane]);
+                if (adds) v += load_light4(to + k);
+                store_light4(v, to + k);
+            }
+        }
     }
 }
 

@@ -31,13 +31,14 @@ from usdslf.light_field.preconvolution import LevelKernel, build_level, fresnel_
 from usdslf.light_field.scratch import CHUNK_BLOCKS, Scratch, taken
 from usdslf.light_field.storage import USUAL, Storage, constants_of, require_device
 from usdslf.light_field.surface import CHANGED, Surface, changed_rows, relative_changes
-from usdslf.light_field.symmetry import ALIKE, QUARTER, SIZES, blocks_of
+from usdslf.light_field.symmetry import ALIKE, SIZES, H, blocks_of
 from usdslf.light_field.visibility import Visibility
 from usdslf.progress import tell
-from usdslf.sampling.hemisphere import D, bin_directions
+from usdslf.sampling.hemisphere import SIDE, D, bin_directions
 from usdslf.surfaces.reflectance import roughness_levels
 
 MOST_SPARE = 1 << 28  # bytes of a light field that is kept to be lent again
+ROWS = 2 * SIDE  # bins that a work-item gathers
 LAUNCHED = 4  # chunks that are waited for, so that work can be cancelled between them
 
 
@@ -161,8 +162,9 @@ class LightField:
         hit_d, fixed_d, is_streamed = self.incoming.of_chunk(chunk)
         kernel = self._kernel("gather", **({"STREAMED": 1} if is_streamed else {}))
         kernel(
-            (D, chunk.count), (64, 1), chunk.order_d, hit_d, fixed_d, self.outgoing_d, np.int32(chunk.first), light_d
-        )
+            (D // ROWS, chunk.count), (D // ROWS, 1), chunk.order_d, hit_d, fixed_d, self.outgoing_d,
+            np.int32(chunk.first), light_d,
+        )  # fmt: skip
 
     @property
     def hit_d(self) -> Any:
@@ -276,9 +278,10 @@ class LightField:
         hit_d, fixed_d, is_streamed = self.incoming.of_chunk(blocks.of_chunk(first, count))
         kernel = partial(self._kernel, ROUGH=len(rough), SHARP=len(sharp))
         kernel("gather_folded", **({"STREAMED": 1} if is_streamed else {}))(
-            (ALIKE, count), (ALIKE, 1), blocks.order_d, hit_d, fixed_d, self.outgoing_d, self.cosine_d, at,
-            scratch.folded_d, scratch.e_part_d, scratch.light_d,
+            (H, count), (H, 1), blocks.order_d, hit_d, fixed_d, self.outgoing_d, self.cosine_d, at,
+            scratch.folded_d, scratch.cells_d, scratch.e_part_d, scratch.light_d,
         )  # fmt: skip
+        kernel("fold_swapped")((ALIKE, count), (ALIKE, 1), scratch.cells_d, scratch.folded_d)
         matrices = [w[name] for w in rough for name in ("folded_a", "folded_b")]
         scales = [w["fine_scale"] for w in rough]
         kernel("reflect_folded")(
@@ -291,7 +294,7 @@ class LightField:
                 np.int32(number), scratch.sharp_d,
             )  # fmt: skip
         kernel("unfold")(
-            (QUARTER, count), (64, 1), scratch.answer_d, scratch.sharp_d, scratch.e_pi_d, self.y_scale_d, *scales,
+            (H, count), (H, 1), scratch.answer_d, scratch.sharp_d, scratch.e_pi_d, self.y_scale_d, *scales,
             *[self.y_scale_d] * (2 - len(scales)), blocks.parameters_d, self.emission_d, blocks.order_d, at,
             np.int32(blocks.adds), scratch.next_d,
         )  # fmt: skip

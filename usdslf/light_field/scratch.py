@@ -11,7 +11,7 @@ import numpy as np
 from usdslf.gpu.device import Device
 from usdslf.light_field.blocks import LANES
 from usdslf.light_field.storage import Storage
-from usdslf.light_field.symmetry import ALIKE
+from usdslf.light_field.symmetry import QUARTER, H
 from usdslf.sampling.hemisphere import D
 
 CHUNK_BLOCKS = 24  # blocks whose light stays in the caches of a CPU
@@ -25,6 +25,7 @@ class Scratch:
     light_d: Any  # (CHUNK_BLOCKS, D, 3, LANES)
     sharp_d: Any  # the same, of what sharp lobes reflect
     folded_d: Any  # (CHUNK_BLOCKS, D / 4, 3, LANES) in the basis of symmetry.py
+    cells_d: Any  # (CHUNK_BLOCKS, 2, QUARTER, 3, LANES) parts of it before the swap
     answer_d: Any  # (CHUNK_BLOCKS, D / 4, Y A B A B, 3, LANES) in that basis
     e_part_d: Any
     e_pi_d: Any
@@ -35,8 +36,8 @@ class Scratch:
         """Makes them for a light field of n elements."""
         make = lambda *shape: device.empty((CHUNK_BLOCKS, *shape, LANES), np.float32)  # noqa: E731
         return Scratch(
-            device.empty((n, D, 3), storage.dtype), make(D, 3), make(D, 3), make(D // 4, 3), make(D // 4, 15),
-            make(ALIKE, 3), make(3), device.empty((n, 2), np.float32),
+            device.empty((n, D, 3), storage.dtype), make(D, 3), make(D, 3), make(D // 4, 3), make(2 * QUARTER, 3),
+            make(D // 4, 15), make(H, 3), make(3), device.empty((n, 2), np.float32),
         )  # fmt: skip
 
 
