@@ -56,11 +56,13 @@ class White:
     Attributes:
         grey, color: (m, n) of the axis grey, and of both axes of colour; None: there is `whole` instead.
         whole: (3 m, 3 n), of errors that do not treat the channels alike.
+        is_diagonal: whether `grey` and `color` are: no dab's errors are another's.
     """
 
     grey: F64 | None
     color: F64 | None
     whole: F64 | None = None
+    is_diagonal: bool = False
 
     @cached_property
     def matrix(self) -> F64:
@@ -136,8 +138,13 @@ class White:
         (n, count), m = share.shape[:2], len(self.grey)
         turned = ((b.p - target[:, None]) * share) @ GREY_AND_COLORS.T
         own = np.concatenate([x * share for x in (b.u, b.v, b.w)], 2)  # (n, J, 9)
-        of_grey = (self.grey @ np.concatenate([turned[..., :1], own], 2).reshape(n, -1)).reshape(m, count, 10)
-        of_color = (self.color @ np.concatenate([turned[..., 1:], own], 2).reshape(n, -1)).reshape(m, count, 11)
+        of_grey, of_color = (
+            (np.diagonal(root)[:, None] * x if self.is_diagonal else root @ x).reshape(m, count, -1)
+            for root, x in (
+                (self.grey, np.concatenate([turned[..., :1], own], 2).reshape(n, -1)),
+                (self.color, np.concatenate([turned[..., 1:], own], 2).reshape(n, -1)),
+            )
+        )
         return of_grey, of_color
 
 
@@ -158,6 +165,10 @@ def _white_of(place: bytes, stroke: bytes, swatch: bytes, errors: tuple[float, .
     group, colors = np.frombuffer(stroke, np.int64), np.frombuffer(swatch, np.int64)
     dab_error, drift_error, drift_length, tint_error, flat_error = errors
     n = len(at)
+    if not (drift_error or tint_error or (colors >= 0).any()):  # each dab has errors of its own
+        root = np.eye(n) / dab_error
+        root.flags.writeable = False
+        return White(root, root, is_diagonal=True)
     same = (group[:, None] == group[None]).astype(float)
     gap, extent = gaps_and_extents(at, group)
     length = np.maximum(drift_length * extent, 1e-9)
