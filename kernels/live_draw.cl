@@ -101,7 +101,7 @@ inline void put_shone(
     int shines = o.is_there & (sampled > 0.0f) & (largest(radiance) > 0.0f) & (l.z > 0.0f) & (inner(o.geometric, d) > 0.0f);
     Weights w = weights_of(o.lobe, l, unit(plus(o.lobe.e, l)));
     float met = source[SRC_ALONE] > 0.0f ? 0.0f : 1.0f; /* rays of the lobes do not meet some */
-    float by_guide = guided_density(guides, frames, o.element, d), by_cosine = l.z / PI_F;
+    float by_guide = guided_density(guides, frames, o.is_diffuse ? o.element : 0, d), by_cosine = l.z / PI_F;
     float diffuse = o.is_diffuse ? by_cosine + o.by_guide * (by_guide - by_cosine) : 0.0f;
     float specular = o.sent * (w.lobe_pdf + o.chance_of_coat * (w.coat_pdf - w.lobe_pdf));
     float of_diffuse = source[SRC_DIFFUSE] / (sampled + met * diffuse);

@@ -161,6 +161,7 @@ class StillPicture:
     ) -> _Layer:  # fmt: skip
         """Finds what rays see next; adds lights and domes that are in view."""
         g, n = self.scene.geometry, window.count
+        rows = Rows(self.scene, hits, window, self.samples[0])
         hits.length.pull()
         sent = hits.length.host > 0
         hits.trace(g.tracer, n, stop_at_translucent=True)
@@ -174,7 +175,6 @@ class StillPicture:
         limit = hits.length.host + travelled
         hits.distance.host[:] += travelled
         hits.distance.push()
-        rows = Rows(self.scene, hits, window, self.samples[0])
         per_distance = float(pixel_size(self.camera, np.ones(1), self.size)[0])
         fill_rows(self.scene, rows, per_distance if self.camera.perspective else -per_distance)
         least = max(self.quality.antialias, 2 ** int(np.ceil(np.log2(SMALLEST_SET / self._frames) / 2)))

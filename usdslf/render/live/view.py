@@ -195,11 +195,11 @@ def look(
     device, n = g.device, window.count
     hits = Hits(device, n)
     send_rays(scene, camera, size, hits, n, window)
+    grid = Rows(scene, hits, window, size[0])  # numbered while rays are made
     hits.trace(g.tracer, n, stop_at_translucent=True)
     if hide_lights:
         hits.triangle.pull()
     backdrop = Shared(device, (n, 3), np.float32) if hide_lights else see_lights(scene, hits, n)
-    grid = Rows(scene, hits, window, size[0])
     of_distance = float(pixel_size(camera, np.ones(1), size)[0]) * (1 if camera.perspective else -1)
     view = View(scene, camera, size, window, grid, backdrop, of_distance)
     fill_rows(scene, grid, of_distance)
