@@ -255,6 +255,7 @@ def find_solution(shot: Shot, strokes: Sequence[Stroke], settings: Settings | No
     said: list[str] = []
     with built_ahead(shot.device, programs_of_answers(shot.model)):
         light = shot.light_field
+        light.lend_soon()
         painted = _gathered(shot, asked, said, seconds)
     with step("solve", seconds):
         name = name_of("answers", [p.name for p in painted], s, shot.bounces)

@@ -1,4 +1,4 @@
-"""Programs that are built ahead are those that answers run, each built once; light is lent with what is idle."""
+"""Programs built ahead are those that answers run, each built once; light is lent in what is idle or made ahead."""
 
 from __future__ import annotations
 
@@ -61,3 +61,16 @@ def test_light_that_is_lent_in_what_bounces_left_is_as_any_other(tmp_path: Path)
             other.bounce()
         np.testing.assert_array_equal(first.radiance(), second.radiance())
         assert not look_alike(first.radiance(), field.radiance())
+
+
+def test_light_is_lent_in_room_that_was_made_meanwhile(tmp_path: Path) -> None:
+    field = usdslf.open(str(write_plane(tmp_path)), elements=100).shot.light_field
+    field.lend_soon()
+    field.lend_soon()
+    room_d = field._rooms[0]()
+    with field.lent() as first, field.lent() as second:
+        assert first.outgoing_d is room_d and second.outgoing_d is not room_d and not field._rooms
+        for other in (first, second):
+            np.testing.assert_array_equal(other.radiance(), field.radiance())
+    field.lend_soon()
+    assert not field._rooms  # one that was lent is there

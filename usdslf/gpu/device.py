@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import mmap
 import os
 import threading
 import warnings
@@ -137,9 +138,25 @@ class Device:
         """
         array_d = cla.empty(self.queue, shape, dtype)
         if self.has_host_memory and array_d.nbytes >= LARGE:
-            how = cl.map_flags.WRITE_INVALIDATE_REGION
-            pages, _ = cl.enqueue_map_buffer(self._mapping, array_d.base_data, how, 0, (array_d.nbytes,), np.uint8)
+            pages, _ = self._mapped(array_d)
             ask_for_large_pages(pages.ctypes.data, array_d.nbytes)
+            pages.base.release(self._mapping)
+        return array_d
+
+    def _mapped(self, array_d: Any) -> Any:
+        """The bytes of a new array in the host's memory, to be released."""
+        how = cl.map_flags.WRITE_INVALIDATE_REGION
+        return cl.enqueue_map_buffer(self._mapping, array_d.base_data, how, 0, (array_d.nbytes,), np.uint8)
+
+    def touched(self, shape: tuple[int, ...], dtype: Any) -> Any:
+        """Makes an array with no defined content whose memory is there already, on a thread that nobody waits for.
+
+        The first write to a page has the system clear it, which takes longer than most kernels that fill it.
+        """
+        array_d = self.empty(shape, dtype)
+        if self.has_host_memory:
+            pages, _ = self._mapped(array_d)
+            pages[:: mmap.PAGESIZE] = 0
             pages.base.release(self._mapping)
         return array_d
 

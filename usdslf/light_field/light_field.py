@@ -88,6 +88,7 @@ class LightField:
         self.waits = np.full(n, CHANGED if radiance_d is None else 0, np.float32)
         self.renewed: list[NDArray[np.int64]] | None = []  # elements that reflected anew, by renewal; None: all did
         self._spare: deque[tuple[LightField, Any]] = deque(maxlen=1)  # to be lent, and the radiance that it is of
+        self._rooms: deque[Later[Any]] = deque(maxlen=1)  # for the outgoing radiance of the next copy
         self.set_surface(self.surface)
 
     def with_surface(self, surface: Surface) -> LightField:
@@ -98,8 +99,11 @@ class LightField:
         """
         vars(self).setdefault("sent", self.sent)  # found once, the copy has it too
         other = copy(self)
-        other.outgoing_d, other._scratch_d, other.waits = self.device.copied(self.outgoing_d), None, self.waits.copy()
-        other.renewed, other._spare, other._idle = [], deque(maxlen=1), deque(maxlen=1)
+        room = taken(self._rooms)
+        other.outgoing_d = room() if room else self.device.empty(self.outgoing_d.shape, self.outgoing_d.dtype)
+        self.device.copy(other.outgoing_d, self.outgoing_d)
+        other._scratch_d, other.waits, other.renewed = None, self.waits.copy(), []
+        other._spare, other._idle, other._rooms = deque(maxlen=1), deque(maxlen=1), deque(maxlen=1)
         if surface is not self.surface:
             other.set_surface(surface)
         return other
@@ -109,6 +113,14 @@ class LightField:
         other = self.with_surface(Surface.of(elements))
         other.elements = elements
         return other
+
+    def lend_soon(self) -> None:
+        """Begins, on a thread of its own, to make room for what `lent` will lend: fresh pages cost more than a copy."""
+        of = self.outgoing_d
+        if not self._spare and not self._rooms and of.nbytes <= MOST_SPARE:
+            room = Later(partial(self.device.touched, of.shape, of.dtype))
+            room.begin()
+            self._rooms.append(room)
 
     @contextmanager
     def lent(self) -> Iterator[LightField]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from usdslf.light_field.storage import Storage
 from usdslf.light_field.symmetry import QUARTER, H
 from usdslf.sampling.hemisphere import D
 
+Kept = TypeVar("Kept")
 CHUNK_BLOCKS = 24  # blocks whose light stays in the caches of a CPU
 
 
@@ -41,7 +42,7 @@ class Scratch:
         )  # fmt: skip
 
 
-def taken(idle: deque[Scratch]) -> Scratch | None:
+def taken(idle: deque[Kept]) -> Kept | None:
     """Takes what is idle, which other threads may do too; None where nothing is."""
     try:
         return idle.pop()
