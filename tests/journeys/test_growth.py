@@ -7,6 +7,7 @@ import gc
 import sys
 import threading
 import weakref
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ from kit.stage_parts import StageBuilder, rectangle
 from pxr import Gf, UsdLux
 
 import usdslf
-from usdslf import paint_stroke
+from usdslf import cache, paint_stroke
 from usdslf.render.live.paths import PathQueue
 
 WARM, MORE = 4, 8
@@ -94,12 +95,21 @@ class _Stop(Exception):
     """Ends a frame half-way."""
 
 
-def test_pictures_go_with_who_holds_them(tmp_path: Path) -> None:
+@pytest.mark.parametrize("is_kept", [False, True])
+def test_pictures_go_with_who_holds_them(is_kept: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Final ones, live ones, and such that were cancelled while rays waited to be followed; and the device with them.
 
-    What waits for the collector of circles may wait for long: half a gigabyte a picture.
+    What waits for the collector of circles may wait for long: half a gigabyte a picture.  Of a shot whose light is kept
+    from an earlier start some is never asked for.
     """
-    session = usdslf.open(str(build(tmp_path)), elements=100, bounces=1)
+    import_module("pyopencl.invoker")  # asks once for the folder of its own
+    monkeypatch.setenv("POCL_CACHE_DIR", str(cache.cache_folder().parent / "pocl" / "kcache"))
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    monkeypatch.setenv(cache.SWITCH, "all" if is_kept else "off")
+    stage = str(build(tmp_path))
+    if is_kept:
+        usdslf.open(stage, elements=100, bounces=1).render(size=(16, 9), samples=1)
+    session = usdslf.open(stage, elements=100, bounces=1)
     gc.collect()
     gc.disable()
     try:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -26,13 +27,12 @@ class Incoming:
             hit, fixed: give the host's, which are copied to the device unless they are streamed.
         """
         self._device, self._storage = device, storage
+        # no method, which would have what is never asked for hold itself
+        self._upload_light = upload = partial(_upload_light, device, storage)
         self._hit = Later(lambda: np.asarray(hit(), np.uint32))
         self._fixed = Later(lambda: np.asarray(fixed(), np.float32))
         self._hit_d: Later[Any] = Later(lambda: device.upload(np.asarray(hit(), np.uint32)))
-        self._fixed_d: Later[Any] = Later(lambda: self._upload_light(np.asarray(fixed(), np.float32)))
-
-    def _upload_light(self, light: NDArray) -> Any:
-        return self._device.upload(light.astype(self._storage.dtype, copy=False))
+        self._fixed_d: Later[Any] = Later(lambda: upload(np.asarray(fixed(), np.float32)))
 
     @property
     def hit_d(self) -> Any:
@@ -50,3 +50,7 @@ class Incoming:
             return self._hit_d(), self._fixed_d(), False
         rows = np.maximum(chunk.order, 0)
         return self._device.upload(self._hit()[rows]), self._upload_light(self._fixed()[rows]), True
+
+
+def _upload_light(device: Device, storage: Storage, light: NDArray) -> Any:
+    return device.upload(light.astype(storage.dtype, copy=False))
