@@ -197,7 +197,7 @@ __kernel void filter_light(
     float8 m = away < reach ? (float8)(1.0f) : away == reach ? (float8)(window & 1 ? 1.0f : 0.5f) : (float8)(0.0f);
     m = (set & bit) != 0 ? m : (float8)(0.0f);
     float8 n = (set & (bit << 8)) != 0 ? m : (float8)(0.0f);
-    n = (n > 0.0f) & (away == sharp_reach) ? (float8)(0.5f) : n;
+    n = ((n > 0.0f) & (away == sharp_reach)) ? (float8)(0.5f) : n;
     float middle = about.z & 1 ? 1.0f : 0.0f, sharp_middle = about.z & 2 ? 1.0f : 0.0f;
     light += (size_t)(is_grid ? i : pixel[i]) * LIGHT;
     float16 sum = (float16)(0.0f), sharp = (float16)(0.0f);

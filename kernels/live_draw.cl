@@ -73,7 +73,7 @@ inline Row row_of(ROW_PARAMETERS, uint i)
     uint weak_stride = (stride + WEAK_EVERY - 1) / WEAK_EVERY;
     o.sent = !o.is_weak ? 1.0f : stride > 1 ? (float)weak_stride / (float)stride : WEAK_SHARE;
     uint of_weak = (sharp * weak_stride + shift_by / WEAK_EVERY) ^ flip;
-    o.sharp_at = o.is_weak & (stride > 1) ? of_weak : (sharp * stride + shift_by) ^ flip;
+    o.sharp_at = (o.is_weak & (stride > 1)) ? of_weak : (sharp * stride + shift_by) ^ flip;
     return o;
 }
 
@@ -198,7 +198,7 @@ inline void put_ray(
     drawn_ray[RAY_MATTE * plane + to] = lobe_pdf >= SHARP_PDF ? 0.0f : matte;
     put3(o.start, ray_origin, 3 * to);
     put3(d, ray_direction, 3 * to);
-    ray_length[to] = is_sent & o.is_there & (pdf > 0.0f) ? 1e37f : 0.0f;
+    ray_length[to] = (is_sent & o.is_there & (pdf > 0.0f)) ? 1e37f : 0.0f;
 }
 
 __kernel void draw_specular(ROW_PARAMETERS, const int streams, RAY_PARAMETERS)

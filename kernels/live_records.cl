@@ -148,7 +148,7 @@ inline uint near_key(__global const float *position, __global const uint *list, 
 {
     uint e = list[k];
     float gap2 = gap2_of(position, e, p.x, p.y, p.z);
-    gap2 = (k > 0u) & (e == list[0]) ? NONE_SO_FAR : gap2;
+    gap2 = ((k > 0u) & (e == list[0])) ? NONE_SO_FAR : gap2;
     return (as_uint(gap2) & ~(PER_ENTRY - 1u)) | k;
 }
 

@@ -6,6 +6,7 @@ import subprocess
 import sys
 import textwrap
 import threading
+import time
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,9 @@ import pytest
 from usdslf.errors import KernelBuildError
 from usdslf.gpu.device import Device, open_device
 from usdslf.gpu.shared import Shared
+from usdslf.gpu.source import kernel_source
+from usdslf.inference.ahead import programs_of_answers
+from usdslf.render.live.ahead import programs_of_pictures
 
 
 class Damaged:
@@ -50,6 +54,19 @@ def test_a_program_that_does_not_build_says_where(monkeypatch: pytest.MonkeyPatc
     with pytest.raises(KernelBuildError, match=r"kernels/fill\.cl does not build on .*; update the device's driver"):
         device.kernel("fill", "fill")
     assert np.array_equal(device.download(device.zeros((3,), np.float32)), np.zeros(3))
+
+
+@pytest.mark.filterwarnings("ignore::pyopencl.CompilerWarning")
+def test_compilers_have_nothing_to_say_of_programs() -> None:
+    """Some write it to the terminal, past Python: a first start would begin with it."""
+    context = open_device().context
+    programs = [*programs_of_pictures("preview_surface"), *programs_of_answers("preview_surface")]
+    for stem, constants in [*programs, ("light_field", {}), ("visibility", {})]:
+        named = {**constants, "BUILD": time.time_ns() % 10**9}  # not a cache's entry
+        options = [f"-D{name}={value}" for name, value in named.items()]
+        built = cl.Program(context, kernel_source(stem)).build(options=["-cl-std=CL1.2", *options])
+        log = built.get_build_info(context.devices[0], cl.program_build_info.LOG)
+        assert not log.strip(), f"{stem}: {log}"
 
 
 def test_arrays_that_nobody_holds_last_until_their_kernels_are_done() -> None:
