@@ -35,6 +35,13 @@ typedef float light_t;
 inline float3 load3(__global const float *rows, size_t i) { return vload3(i, rows); }
 inline void store3(float3 v, __global float *rows, size_t i) { vstore3(v, i, rows); }
 
+inline float sum_lanes(float16 v)
+{
+    float8 a = v.lo + v.hi;
+    float4 b = a.lo + a.hi;
+    return b.x + b.y + b.z + b.w;
+}
+
 /* world -> local by a frame whose rows are tangent, bitangent, normal */
 inline float3 local_from_world(__global const float *frames, size_t i, float3 w)
 {

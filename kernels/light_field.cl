@@ -6,6 +6,7 @@
  * Nguyen et al. 2013, 5.2 and 6.2.
  */
 #include "links.cl"
+#include "symmetry.cl"
 
 #define LANES 16
 #define Q_BINS (D_BINS / 4)
@@ -86,14 +87,6 @@ __kernel void irradiance(__global const float16 *light, __global const float *co
     e_pi[block * 3 + c] = sum;
 }
 
-/* the basis of symmetry.py: H x H cells of a quarter of the coarse map, each of which stands for four bins */
-#define H (SIDE / 4)
-#define CELLS (H * H)
-#define ALIKE (H * (H + 1) / 2)
-#define OPPOSITE (H * (H - 1) / 2)
-#define ODD (ALIKE + OPPOSITE) /* first of those that are odd under both flips */
-#define EVEN_ODD (2 * ODD)
-#define ODD_EVEN (2 * ODD + CELLS)
 /* lobes of a block, two where its elements lie between two levels: rough ones in coarse bins, sharp ones in fine bins */
 #ifndef ROUGH
 #define ROUGH 0
@@ -103,11 +96,6 @@ __kernel void irradiance(__global const float16 *light, __global const float *co
 #endif
 #define COLUMNS (1 + 2 * ROUGH)              /* Y, and A, B of each rough lobe */
 #define PARAMETERS (6 + 6 * (ROUGH + SHARP)) /* dx, dy, then F0, F90 of the share of each lobe, sharp ones first */
-
-inline int alike_of(int y, int x) { return y * H - y * (y - 1) / 2 + x - y; }                /* y <= x */
-inline int opposite_of(int y, int x) { return y * (H - 1) - y * (y - 1) / 2 + x - y - 1; } /* y < x */
-inline int folded_bin(int y, int x, int low, int left) { return (low ? 2 * H - 1 - y : y) * 2 * H + (left ? 2 * H - 1 - x : x); }
-inline int fine_bin(int q, int k) { return ((q / (SIDE / 2)) * 2 + k / 2) * SIDE + (q % (SIDE / 2)) * 2 + k % 2; }
 
 /* light arriving at a block's elements, in the basis but for the swap; one work-item a row of cells
  * cosine    (D) cosines of the bins, scaled to the sum 1
@@ -340,13 +328,6 @@ __kernel void unfold(__global const float16 *answer, __global const float16 *sha
             }
         }
     }
-}
-
-inline float sum_lanes(float16 v)
-{
-    float8 a = v.lo + v.hi;
-    float4 b = a.lo + a.hi;
-    return b.x + b.y + b.z + b.w;
 }
 
 /* what elements emit more, or less, in every bin

@@ -37,13 +37,6 @@ __kernel void take_rows(__global const int *rows, const uint count, __global con
     change[BLOCK_COUNT + i] = sum / (BLOCK * BLOCK);
 }
 
-inline float sum_of(float16 v)
-{
-    float8 a = v.lo + v.hi;
-    float4 b = a.lo + a.hi;
-    return b.x + b.y + b.z + b.w;
-}
-
 /* how much of a change arrives at each element, weighed by the cosine
  * Sixteen links that all name elements which did not change cost no look at the change; of others, those read the same row.
  * hit       (N, D) links
@@ -76,5 +69,5 @@ __kernel void arriving_change(__global const uint *hit, __global const int *row_
         float16 weight = vload16(0, cosine + d);
         for (int c = 0; c < 4; c++) sum[c] += weight * vload16(0, v[c]);
     }
-    arriving[e] = (float2)(fabs(sum_of(sum[0])) + fabs(sum_of(sum[1])) + fabs(sum_of(sum[2])), sum_of(sum[3]));
+    arriving[e] = (float2)(fabs(sum_lanes(sum[0])) + fabs(sum_lanes(sum[1])) + fabs(sum_lanes(sum[2])), sum_lanes(sum[3]));
 }

@@ -317,8 +317,9 @@ def _read_back(
         """What the light field of the look is to a style, and the residuals of what varies."""
         start = solution.stylized.light if solution.stylized and solution.stylized.light else field
         under = start.with_surface(Surface.of(refresh_reflectance(shot.elements, shot.scene, scene)))
-        met = [p.samples.met(field) for p in solution.painted]
-        matters = seen_from(field, np.sum(met, axis=0)) if varying else None
+        matters = None
+        if varying:
+            matters = seen_from(field, np.sum([p.samples.met(field) for p in solution.painted], axis=0))
         renew(under, shot.bounces, matters=matters)
         style = solution.stylized.as_written(under) if solution.stylized else None
         return style, [residual_as_written(a, scene, list(solution.painted), under) for a in varying]

@@ -191,12 +191,6 @@ class Device:
         size = count * source_d.strides[0]
         cl.enqueue_copy(self.queue, target_d.base_data, source_d.base_data, byte_count=size)
 
-    def copied(self, array_d: Any) -> Any:
-        """Returns another array of the device with the same content."""
-        other_d = self.empty(array_d.shape, array_d.dtype)
-        cl.enqueue_copy(self.queue, other_d.base_data, array_d.base_data)
-        return other_d
-
     def download(self, array_d: Any) -> NDArray:
         """Copies an array of the device to the host, after all that was enqueued before."""
         self.moved += array_d.nbytes

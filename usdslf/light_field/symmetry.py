@@ -5,7 +5,7 @@ Functions on a square of 2H x 2H bins that are even or odd under each flip, and 
 mix.  With H = 8 a matrix of 256 x 256 becomes blocks of 36, 28, 36, 28 and one of 64 that serves twice: 5.3 times fewer
 products, exactly.
 
-    folding() -> (Q, Q)        takes light in bins to the basis; kernels/light_field.cl: fold
+    folding() -> (Q, Q)        takes light in bins to the basis; kernels/light_field.cl: gather_folded, fold_swapped
     unfolding() -> (Q, Q)      back; unfold
     blocks_of(matrix) -> (n,)  the blocks of a matrix that commutes with the symmetries, row by row; reflect_folded
 
